@@ -30,7 +30,7 @@ TEST(semicolons) {
     g_assert_cmpstr(error_details_advice(two), ==, "see what blocks it; then home it");
 }
 
-/* What a lower layer could not know is added on the way up, and copies keep everything. */
+/* Higher layers add the details that a lower layer does not know, and copies keep all details. */
 TEST(added) {
     g_autoptr(GError) error =
         device_error_new(DEVICE_ERROR_PROTOCOL, NULL, "refused" ERROR_ADVICE "check the address");

@@ -1,5 +1,6 @@
-/* A rig, session or world file with many mistakes tells all of them, each as it is told only, in
- * the order of its lines; what only follows from another mistake is not told. */
+/* For a rig, session or world file with many mistakes, the error lists all of them in the order of
+ * the lines. Each mistake has the same text as if it were the only one. A mistake that only follows
+ * from another one is not listed. */
 #include "base/options.h"
 #include "lib/ok.h"
 #include "lib/test.h"
@@ -13,7 +14,7 @@
 
 static char *folder;
 
-/* What reads a file from its text; TRUE: it has no mistake. */
+/* Reads a file from its text. Returns TRUE if the file has no mistake. */
 typedef gboolean (*Reader)(const char *text, const char *path, GError **error);
 
 static gboolean read_rig(const char *text, const char *path, GError **error) {

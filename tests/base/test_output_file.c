@@ -1,5 +1,5 @@
-/* The decision about output files, each way in which it can go, and that nothing is lost when a
- * finished file cannot get its name. */
+/* Which output files are written, replaced or refused, in every case. Nothing is lost if a finished
+ * file cannot get its name. */
 #include "base/data_error.h"
 #include "base/new_file.h"
 #include "base/output_file.h"

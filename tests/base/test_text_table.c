@@ -1,4 +1,4 @@
-/* Text tables as spreadsheets write them, and what is wrong in them. */
+/* Text tables as spreadsheets write them, and the errors for mistakes in them. */
 #include "base/config.h"
 #include "base/data_error.h"
 #include "base/input_file.h"

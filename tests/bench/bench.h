@@ -3,8 +3,8 @@
 
 #include <glib.h>
 
-/* Sets the locale and reads the options, and --json. A command line that is not understood ends the
- * program with status 2. arguments: what follows the options, for --help; or NULL. */
+/* Sets the locale and reads the options, and --json. A wrong command line ends the program with
+ * status 2. arguments is the text of --help for the arguments after the options, or NULL. */
 void bench_parse(int *argc, char ***argv, const GOptionEntry *entries, const char *arguments);
 
 /* Ends the program and says why, after its name. */

@@ -1,7 +1,7 @@
 /*
- * Measures calibration against the simulated world's own truth, over several worlds: each has its
- * own misalignments, lenses and noise. The figures of a part are those of the worst world, and the
- * mean of chi2.
+ * Compares calibrations with the truth of the simulated world, for several worlds, which have
+ * different misalignments, lenses and noise. The figures of a part are those of the worst world,
+ * except that chi2 is the mean of all worlds.
  */
 #include "bench.h"
 #include "lib/calibration_fixture.h"

@@ -1,7 +1,7 @@
-/* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
- * how good, and what share of the peak the multiplications it needs come to. “error” is that of the
- * values at the measured directions; “mesorig compare” also has directions that a method has not
- * seen. Programs in peers/ read the same file. */
+/* Local PCA of a synthetic BTF, or of a BTF in a file of floats: its time, its error, and the rate
+ * of its multiplications as a share of the peak rate of sgemm. “error” is the error of the values
+ * at the measured directions. “mesorig compare” also gives errors at directions that a method has
+ * not seen. Programs in peers/ read the same file. */
 #include "bench.h"
 #include "codecs/lpca/lpca.h"
 #include "compression_parts.h"

@@ -1,8 +1,10 @@
 /*
- * Latencies of real drivers against the protocol's own round trip in the same run, taken in turns.
+ * Latencies of real drivers, compared with the round trip of the bare protocol. Both are measured
+ * alternately in the same run.
  *
  * Modbus: how long a transaction takes through a line's thread, and how soon a drive begins to move
- * after axis_move(), against libmodbus only. A pseudo-terminal has no baud rate: add the wire's.
+ * after axis_move(), against libmodbus only. A pseudo-terminal has no baud rate, so the time on a
+ * real wire must be added.
  *
  * GigE Vision: from a trigger to the whole picture, against bare GVCP and GVSP on plain sockets.
  */

@@ -1,7 +1,8 @@
 /*
- * What effects of real rigs do (docs/research/accuracy.md): with each of them in the simulated
- * world, a part of the demo's rig is calibrated from pictures of targets, a session is captured and
- * processed, and all of it is compared with the truth. A minute or two of processor time an effect.
+ * Measures how effects of real rigs change the results (docs/research/accuracy.md). For each effect
+ * in the simulated world, a part of the demo's rig is calibrated from pictures of targets, a
+ * session is captured and processed, and everything is compared with the truth. Each effect takes
+ * one to two minutes of processor time.
  */
 #include "bench.h"
 #include "lib/process.h"

@@ -1,10 +1,10 @@
 /*
- * Materials laid out without end in hexagons (synthesis/endless.h), against the sample repeated:
- * how long a frame takes; how many times a point's values are looked up; and, of the values
- * themselves at points of 32 × 32 tiles, for each view, light and colour of a BTF: how far mean and
- * standard deviation are from those of the sample repeated, how much the distributions differ, and
- * how much points a tile apart still have in common. For each session, or, without one, for samples
- * made here: noise, printed dots, and tiles in order.
+ * Compares materials that are laid out without end in hexagons (synthesis/endless.h) with the
+ * repeated sample: the time of a frame, and the number of lookups per point. For the values at
+ * points of 32 × 32 tiles, it also compares the mean, the standard deviation and the distribution
+ * for each view, light and colour of a BTF, and measures the correlation of points that are one
+ * tile apart. It does so for each session or, if none is given, for samples made here: noise,
+ * printed dots, and ordered tiles.
  */
 #include "base/robust.h"
 #include "bench.h"

@@ -1,10 +1,10 @@
 /*
- * How far the lamps that stand for an environment (median cut, Debevec 2005) are from the
- * environment itself: what materials reflect towards a view at even steps of the hemisphere, by
- * lamps and by summation over all pixels of the map, both on the processor in doubles, without
- * shadows. The materials are formulas of value T (v, l), which holds n · l: a white diffuser, and
- * a Ward reflection of three roughnesses over it; and a BTF, if one is given: a session or a
- * compressed file, at texels of its middle row.
+ * Measures the error of replacing an environment by lamps (median cut, Debevec 2005). For views at
+ * even steps of the hemisphere, the reflected light is computed from the lamps and as a sum over
+ * all pixels of the map. Both are computed on the CPU in doubles, without shadows. The materials
+ * are formulas T (v, l), which include n · l: a white diffuser, and a Ward reflection of three
+ * roughnesses over it. A BTF may be given as well, as a session or a compressed file; its texels of
+ * the middle row are used.
  */
 #include "bench.h"
 

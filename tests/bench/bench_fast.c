@@ -1,13 +1,13 @@
 /*
- * Laser sweeps until the surface is known: what [lasers] stop = covered takes, against all sweeps
- * of the same material, and what of the MDF is worse for it. Measures sessions that
- * tests/bench/fast_materials has captured; the truth is the simulated world's.
+ * Compares a capture that ends its laser sweeps when the surface is known ([lasers] stop = covered)
+ * with a capture of all sweeps of the same material: its time, and the errors of its MDF. Measures
+ * sessions that tests/bench/fast_materials has captured; the truth is the simulated world's.
  *
- * Laser time: of all sweeps, from the end of the shot before to the sweep's own end, moves and
- * homing between rounds included. Coverage: share of the texels of all views that have a distance,
- * measured by the view itself, or, with those, predicted by others. RMS: of the final distances
- * against the truth, in texels, away from depth edges. wrong: share of all distances that are off
- * by more than a texel.
+ * Laser time: the sum over all sweeps of the time from the end of the previous shot to the end of
+ * the sweep. It includes moves and homing between rounds. Coverage: the share of the texels of all
+ * views that have a distance, first counting only distances measured by the view itself, then also
+ * distances predicted from other views. RMS: of the final distances against the truth, in texels,
+ * away from depth edges. wrong: share of all distances that are off by more than a texel.
  *
  * --replay: instead of a session captured with stop = covered, that with all sweeps, of which the
  * rounds choose as they would in a capture (line_mm aside). Its laser time is that of as many of

@@ -1,7 +1,7 @@
 /*
- * What Meseth et al. 2003 found of BTFs, on sessions of ours: how much the energy of views and of
- * lights changes from one direction to the next (fig. 3), whether functions are better fitted to
- * reflectance fields or to light fields (§4), how much of a fit is left under a light at the
+ * Repeats what Meseth et al. 2003 found about BTFs with sessions of Mesorig: how much the energy of
+ * views and of lights changes from one direction to the next (fig. 3), whether functions fit
+ * reflectance fields or light fields better (§4), how much of a fit is left under a light at the
  * horizon (fig. 4), and spherical plots of a texel next to its fits (figs 1, 5).
  */
 #include "base/direction.h"

@@ -1,6 +1,7 @@
 /*
- * Eight GigE Vision cameras of 1024 × 768 pixels on loopback, triggered together at a rate for a
- * time: what is lost, sent again or refused, and how long a picture takes.
+ * Triggers eight GigE Vision cameras of 1024 × 768 pixels on loopback together, at a given rate for
+ * a given time. Counts the packets that are lost or sent again and the pictures that are refused,
+ * and measures the time of a picture.
  *
  *     bench_gige [--seconds 60] [--rate 30] [--packet-socket] [--json]
  *

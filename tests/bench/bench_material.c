@@ -1,9 +1,8 @@
 /*
- * How many points libmesorig-material evaluates in a second on one core, by codec: at random points
- * and in random directions, one by one and in one call. Beside it, for the local PCA, the same
- * points as NumPy has them from the eigen-BRDFs, which is given the texels, directions and weights:
- * a loop over the points, and one expression for all of them. Both ways must give the library's
- * values.
+ * Measures how many points per second libmesorig-material evaluates on one core with each codec:
+ * random points and directions, one by one and in one call. For the local PCA, NumPy computes the
+ * same points from the eigen-BRDFs, with a loop over the points and with one expression for all
+ * points. NumPy gets the texels, directions and weights. Both must give the values of the library.
  */
 #include "bench.h"
 #include "codecs/lpca/lpca.h"

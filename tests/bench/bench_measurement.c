@@ -1,6 +1,7 @@
 /*
- * How far measured BTFs and MDFs are from the simulated world's own truth, for four materials and a
- * grid of views and lights, all noise on, geometry exact: what is left is the error of the method.
+ * Compares measured BTFs and MDFs with the truth of the simulated world, for four materials and a
+ * grid of views and lights. All noise is on, and the geometry is exact, so that only the error of
+ * the method is left.
  *
  * Of each material five views (15, 30, 45, 60, 75° from the normal, at turntable angles of their
  * own); for the BTF five lamps of the same elevations, for the MDF the demo's 26 laser positions. A

@@ -1,6 +1,6 @@
-/* Rotated microfacets (Kang & Cho 2011) on a torus of brushed metal: time a frame against plain
- * normal mapping, the costs of their Table I, and how far the approximate rotation is from the
- * exact one as the normal tilts. */
+/* Rotated microfacets (Kang & Cho 2011) on a torus of brushed metal: the time of a frame compared
+ * with plain normal mapping, the costs of their Table I, and the difference between the approximate
+ * and the exact rotation for different tilts of the normal. */
 #include "bench.h"
 #include "frame_time.h"
 #include "lib/direction.h"

@@ -1,8 +1,8 @@
 /*
- * How fast measurement keeps up, each figure next to its limit or its peer in the same run:
- * space-time analysis of laser frames against memcpy and NumPy; rectification against decoding and
- * OpenCV; eight cameras' frames analysed as they come (--live), and stored (--store). Peers are in
- * peers/, and what they need in packages.txt.
+ * How fast frames are processed. Each figure stands next to its limit, or next to another program
+ * in the same run: space-time analysis of laser frames against memcpy and NumPy; rectification
+ * against decoding and OpenCV; eight cameras' frames analysed as they come (--live), and stored
+ * (--store). Peers are in peers/, and what they need in packages.txt.
  */
 #include "bench.h"
 #include "speed_parts.h"

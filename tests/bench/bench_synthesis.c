@@ -1,9 +1,9 @@
 /*
- * Larger materials from samples: how long their maps take to make, how long a frame takes that is
- * drawn through one, relative to the sample repeated, and by how much the picture then differs from
- * that of all texels laid out in full, whose mip levels are averages of what is there, while it is
- * drawn smaller and smaller. The sample is made here: bumps at random places under 12 views and 12
- * lights, and a grid of them that is ordered.
+ * Larger materials from samples: the time to make their maps, and the time of a frame that is drawn
+ * through a map, relative to the repeated sample. At decreasing sizes, the picture is also compared
+ * with that of the material with all its texels stored, whose mip levels are averages. The sample
+ * is made here: bumps at random places, and bumps on a regular grid, each under 12 views and 12
+ * lights.
  */
 #include "bench.h"
 #include "codecs/eigenmaps/eigenmaps_codec.h"

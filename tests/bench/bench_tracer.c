@@ -1,6 +1,7 @@
-/* Noise of path tracing: how far importance sampling lowers the variance of a sample against even
- * directions, for the light that a material reflects of an even sky, and in pictures of a sphere of
- * it in the studio, with and without the light being looked for as well. */
+/* Noise of path tracing: how much importance sampling lowers the variance of a sample compared with
+ * evenly distributed directions. This is measured for the light of an even sky that a material
+ * reflects, and for pictures of a sphere of this material in the studio, with and without rays
+ * towards the light. */
 #include "bench.h"
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"

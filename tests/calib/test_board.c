@@ -1,4 +1,4 @@
-/* Boards: what is drawn is what the geometry says, found again by an independent detector. */
+/* Boards: an independent detector finds in a drawing what the geometry of the board says. */
 #include "cameras/board.h"
 #include "cameras/corner.h"
 #include "lib/ok.h"

@@ -1,5 +1,5 @@
-/* The calibration file: what is written comes back, and what was damaged is refused with a reason.
- */
+/* The calibration file: values that are written are read back unchanged, and a damaged file is
+ * refused with a reason. */
 #include "calibration/calibration.h"
 #include "lib/test.h"
 

@@ -1,6 +1,6 @@
 /*
- * Cameras and turntable from pictures of a board that the simulated world has drawn, against that
- * world's own truth; and everything that must be refused rather than calibrated wrongly.
+ * Cameras and turntable are calibrated from simulated pictures of a board, and compared with the
+ * truth of the simulated world. Input that would give a wrong calibration must be refused.
  */
 #include "lib/calibration_fixture.h"
 

@@ -1,11 +1,11 @@
-/* Colour matrices: of made-up charts, and of one in a session of the simulated rig. */
+/* Colour matrices of invented charts, and of a chart in a session of the simulated rig. */
 #include "lib/grey_fixture.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "radiometry/colour.h"
 #include "targets/chart_session.h"
 
-/* Of linear sRGB (IEC 61966-2-1); any matrix would do. */
+/* The matrix of linear sRGB (IEC 61966-2-1). Any other matrix would be as good for these tests. */
 static const double truth[9] = {0.4124, 0.3576, 0.1805, 0.2126, 0.7152,
                                 0.0722, 0.0193, 0.1192, 0.9505};
 

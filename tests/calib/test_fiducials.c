@@ -31,7 +31,7 @@ static World *fiducials_world(int seed, const char *cam1_keys, double drift_pct)
     return world_fixture_new(nudged);
 }
 
-/* As radiometry would have it: the fixture's truth. */
+/* The fixture's true values, as a radiometric calibration would give them. */
 static struct rig rig;
 static struct radiometry_camera cameras[3];
 static struct radiometry_lamp lamps[3];

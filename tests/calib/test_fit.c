@@ -19,7 +19,8 @@ static void residuals(const double *p, double *ret, gconstpointer data) {
         ret[i] = (line->y[i] - p[0] - p[1] * line->x[i]) / 0.1;
 }
 
-/* Points on 2 + 3x with deviations of 0.2 where 0.1 was said, and 40 far off. */
+/* Points on 2 + 3x with deviations of 0.2, although 0.1 is given as their standard deviation, and
+ * 40 outliers. */
 static void make(struct line *line, GRand *rand) {
     for (int i = 0; i < N; i++) {
         line->x[i] = g_rand_double_range(rand, -1, 1);

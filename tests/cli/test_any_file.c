@@ -1,9 +1,9 @@
 /*
- * Property: any file that one command writes, every other command that takes this kind of file
- * reads. A session is captured; sessions are made of sessions by exporting and importing, and by
- * resampling, in random chains; random methods with random options compress them. Every command for
- * a session or a material then takes what came out, also next to files of other sessions with the
- * same directions.
+ * Property: every command that takes a kind of file reads all files of this kind that other
+ * commands write. A session is captured; sessions are made of sessions by exporting and importing,
+ * and by resampling, in random chains; random methods with random options compress them. Every
+ * command for a session or a material then takes what came out, also next to files of other
+ * sessions with the same directions.
  */
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-/* mesorig check: what it suspects of pictures whose tones are not what they were taken for, and
- * that it suspects nothing of those that are right. The truth is Lambert's law: B = ρ cos θ_l. */
+/* mesorig check: what it suspects if pictures were imported with a wrong tone curve, and that it
+ * suspects nothing if the tone curve is right. The truth is Lambert's law: B = ρ cos θ_l. */
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"

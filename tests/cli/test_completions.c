@@ -1,6 +1,5 @@
-/* What shells complete of mesorig's command line: what mesorig --complete prints; and that each
- * shell asks it, in a terminal of its own, where a line is typed with a tab, and gives mesorig the
- * arguments. */
+/* Completion of mesorig's command line: what mesorig --complete prints, and that each shell calls
+ * it with the right arguments. For this a line with a tab is typed in a terminal of the shell. */
 #include <glib/gstdio.h>
 #include <poll.h>
 #include <pty.h>

@@ -1,4 +1,5 @@
-/* What the operator is told of disks that are too small or become full, and that he can go on. */
+/* What the operator is told about disks that are too small or become full, and that the work can be
+ * continued afterwards. */
 #include <errno.h>
 #include <fcntl.h>
 #include <glib/gstdio.h>

@@ -1,5 +1,6 @@
-/* What info, check and compare say of a BTF's error bars: of a session whose pictures have the
- * noise that its calibration tells, and of one whose noise is not calibrated. */
+/* What info, check and compare print about the error bars of a BTF: for a session whose pictures
+ * have the noise that its calibration states, and for a session without a calibration of the noise.
+ */
 #include "btf/btf_sigma.h"
 #include "lib/ok.h"
 #include "lib/pipeline_fixture.h"

@@ -1,6 +1,6 @@
-/* What the operator sees: mesorig runs sessions of the small rig with every fault it can have, is
- * told what is wrong, and goes on when that is mended. The products are those of a session that
- * nothing happened to. */
+/* What the operator sees: mesorig runs sessions of the small rig with every fault that the rig can
+ * have, says what is wrong, and continues when the fault has been removed. The products are the
+ * same as those of a session without faults. */
 #include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
@@ -39,8 +39,8 @@ static char *between(const char *text, const char *from, const char *to) {
     return g_strndup(at, (gsize)(strstr(at, to) - at));
 }
 
-/* After a capture that ended with a fault: the terminal, the session's state, its events and what
- * can be asked of it all tell the same. */
+/* Checks after a capture that ended with a fault that the terminal, the session's state, its events
+ * and the answers of the commands all say the same. */
 static void check_told(struct operation *run, const char *device, const char *happened,
                        const char *to_do) {
     g_autofree char *told = g_strdup_printf("error: %s: ", device);

@@ -1,5 +1,6 @@
-/* Files of a session that change behind its back, or go: every command that would use one refuses,
- * verify names it, and the command that is named makes it again, to the byte. */
+/* Files of a session that another program changes or removes: every command that would use such a
+ * file refuses it, verify names it, and the command that the message gives makes it again, byte for
+ * byte. */
 #include <errno.h>
 #include <fcntl.h>
 #include <glib/gstdio.h>

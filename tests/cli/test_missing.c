@@ -1,4 +1,5 @@
-/* Pictures that the plan left out: made of those of the lights around them, and marked. */
+/* Pictures that the plan left out: they are predicted from those of the lights around them, and
+ * flagged. */
 #include <glib/gstdio.h>
 #include <math.h>
 #include <sqlite3.h>

@@ -1,5 +1,5 @@
-/* mesorig report: the page and the metadata of a session, read back by parsers that are not ours,
- * and that what is wrong with a session is in them. */
+/* mesorig report: independent parsers read the page and the metadata of a session. Faults of a
+ * session must be in them. */
 #include "calibration/calibration.h"
 #include "lib/ok.h"
 #include "lib/operator.h"

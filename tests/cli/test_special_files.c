@@ -1,7 +1,7 @@
 /*
- * What happens to every command when a file that it is given is a FIFO, a device without an end, a
- * directory or a link to nothing: it says so at the same time. And when a file of some kilobytes
- * promises more pixels than there is memory for.
+ * Every command must refuse immediately a file that is a FIFO, an endless device, a directory or a
+ * dangling link. It must also refuse a file of some kilobytes whose header states more pixels than
+ * fit into memory.
  */
 #include <fcntl.h>
 #include <gio/gio.h>

@@ -1,6 +1,6 @@
-/* Programs that write the same file at the same time, and symbolic links where files are to be
- * written: what is there in the end is whole, who could not write says so, and nothing outside is
- * touched. */
+/* Programs that write the same file at the same time, and symbolic links in the places of output
+ * files: in the end the file is complete, a program that could not write it says so, and nothing
+ * outside is changed. */
 #include <glib/gstdio.h>
 #include <string.h>
 #include <sys/stat.h>

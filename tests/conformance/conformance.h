@@ -11,7 +11,8 @@
  *     conformance_axis(&my_axis_driver, &my_axis);
  *     return g_test_run();
  *
- * A driver fails that reports a command twice, or from within the call that gave it (reports.h).
+ * A driver also fails if it reports a command twice, or if it reports from within the call that
+ * gave the command (reports.h).
  *
  * Each check is a separate test, /conformance/CLASS/NAME/CHECK, which opens the device anew. The
  * suite for an axis moves the axis between a quarter and three quarters of its range, or of a turn

@@ -1,9 +1,9 @@
 /*
- * Holds a driver to the number of reports that its class header promises: one for each command that
- * it accepted, and none from within the call. The classes ignore most reports that are too many, so
- * that their listeners do not see them. The linker therefore sends the drivers' calls of
- * lamps_report() and the like through this module (--wrap, in tests/CMakeLists.txt). A report that
- * no command waits for ends the test program.
+ * Checks that a driver reports as the header of its class demands: once for each command that it
+ * accepted, and never from within the call. The classes ignore most surplus reports, so that
+ * listeners do not see them. The linker therefore sends the drivers' calls of lamps_report() and
+ * the like through this module (--wrap, in tests/CMakeLists.txt). A report that no command waits
+ * for ends the test program.
  *
  * Each function returns a driver that passes all calls on to the given one. It is valid until the
  * next call of the same function. Only one device of a class may be open with it at a time.

@@ -1,4 +1,4 @@
-/* The camera class: a picture that is not the one asked for is never taken for it. */
+/* The camera class: a picture that does not belong to the trigger is never accepted. */
 #include "lib/camera_open.h"
 #include "lib/heard.h"
 #include "lib/ok.h"

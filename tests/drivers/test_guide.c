@@ -1,5 +1,6 @@
-/* docs/develop/driver.md shows the shortest driver: each piece of it is in that file, word for
- * word, but for the one that is for a test, and the file is as long as the guide says. */
+/* docs/develop/driver.md shows the shortest driver. Each piece of code in the guide, except the one
+ * for a test, must be in that driver's file word for word, and the file must be as long as the
+ * guide says. */
 #include "lib/ok.h"
 #include "lib/test.h"
 

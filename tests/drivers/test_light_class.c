@@ -1,4 +1,4 @@
-/* The classes of what shines and what guards it: lamps, lasers, interlocks. */
+/* The classes of lights and of their guards: lamps, lasers and interlocks. */
 #include "lib/heard.h"
 #include "lib/ok.h"
 

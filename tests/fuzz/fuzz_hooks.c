@@ -1,4 +1,4 @@
-/* hooks.conf: who is told of what. */
+/* hooks.conf, which says who is told about which events. */
 #include "fuzz.h"
 
 #include "hooks/hooks_conf.h"

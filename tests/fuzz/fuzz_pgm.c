@@ -1,4 +1,4 @@
-/* Pictures that a program writes that is a camera. The first three bytes are the size that is
+/* Pictures that the program of a camera writes. The first three bytes are the size that is
  * expected. */
 #include "fuzz.h"
 #include "program/pgm.h"

@@ -1,4 +1,4 @@
-/* Lines that a program sends that is a device, and the values that drivers read from them. */
+/* Lines that the program of a device sends, and the values that drivers read from them. */
 #include "fuzz.h"
 #include "program/message.h"
 

@@ -1,5 +1,5 @@
-/* Shapes: OBJ, and glTF as text and binary. What is read can be drawn: no number that is none, no
- * corner that there is not. */
+/* Shapes: OBJ, and glTF as text and binary. A shape that is read can be drawn: all numbers are
+ * finite, and all corners exist. */
 #include "fuzz.h"
 
 #include "shapes/scene.h"

@@ -1,5 +1,5 @@
-/* What a V4L2 device says of its controls, formats and sizes, and a picture of the size that it
- * says. ioctl() is answered here while a device is asked. */
+/* The controls, formats and sizes that a V4L2 device reports, and a picture of the reported size.
+ * This file replaces ioctl() while a device is read. */
 #include "fuzz.h"
 
 #include "v4l2/controls.h"

@@ -14,5 +14,5 @@ void browser_open(Browser *browser, const char *uri);
 /* Returns the value of a JavaScript expression as text; g_free(). */
 char *browser_value(Browser *browser, const char *expression);
 
-/* Waits until an expression is true, for at most 30 s. */
+/* Waits until an expression is true, for at most WAIT_S (lib/wait.h). */
 void browser_wait(Browser *browser, const char *expression);

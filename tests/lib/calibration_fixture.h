@@ -31,6 +31,8 @@ struct fixture_rig {
     double lateral_colour; /* of all lenses: red is magnified by 1 + this, blue by 1 − this */
 };
 
+/* One placement of the board on the turntable: its tilt and the azimuth towards which it is tilted,
+ * its turn about its normal, and its shift. */
 struct fixture_lay {
     double tilt_deg, towards_deg, turn_deg, x_mm, y_mm;
 };

@@ -22,11 +22,11 @@ void program_model_conformance_fail(gpointer folder, enum conformance_fault faul
 /* Returns a file of the folder, or "" if it is not there. Free it with g_free(). */
 char *program_model_read(const char *folder, const char *name);
 
-/* Returns how often the program was asked with a method. */
+/* Returns the number of requests with this method that the program has received. */
 int program_model_asked(const char *folder, const char *method);
 
 /* Returns the number of processes of the program, and of those that watch it. */
 int program_model_processes(const char *folder);
 
-/* Kills the program that was asked last. */
+/* Kills the program that received the last request. */
 void program_model_kill(const char *folder);

@@ -1,8 +1,8 @@
 /*
- * Materials whose surface is a height field and whose reflectance is a formula, as BTF and MDF.
- * They are computed without the program's code. The heights h(x, y) repeat with the tile, normals
- * follow from their gradient, and the rays of the MDF march over them. For tests that draw
- * structure and reflectance together.
+ * Materials whose surface is a height field and whose reflectance is a formula, as BTF and MDF, for
+ * tests that draw structure and reflectance together. They are computed without the program's code.
+ * The heights h(x, y) repeat with the tile. The normals are computed from the gradient of the
+ * heights. The rays of the MDF march over the heights.
  */
 #pragma once
 

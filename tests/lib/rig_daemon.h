@@ -8,8 +8,8 @@ struct rig_daemon {
     GSubprocess *daemon;
 };
 
-/* Writes the rig file into a folder and starts mesorigd with a guardian. The log also has what the
- * guardian prints of each device. */
+/* Writes the rig file into a folder and starts mesorigd with a guardian. The log also contains what
+ * the guardian prints about each device. */
 void rig_daemon_begin(struct rig_daemon *run, const char *folder, const char *rig);
 
 /* Kills mesorigd and ends the guardian. */

@@ -54,7 +54,7 @@ XDisplay *x_display_new(void) {
 }
 
 void x_display_kill(XDisplay *x) {
-    /* first, because the server's end would end this program through its connection */
+    /* first: when the server ends, Xlib ends each program that is still connected to it */
     if (x->display != NULL)
         XCloseDisplay(x->display);
     x->display = NULL;

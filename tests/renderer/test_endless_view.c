@@ -1,6 +1,7 @@
-/* Materials in hexagons without end: what the graphics card draws against the same on the
- * processor, and the laws of where hexagons look: nothing beyond the sample's edges, no jump, a
- * lattice that closes, and mean and variance of the sample. */
+/* Endless materials in hexagons: pictures of the graphics card are compared with the same
+ * computation on the CPU. The hexagons must take nothing from beyond the sample's edges and have no
+ * jumps at their borders, their lattice must close, and mean and variance must be those of the
+ * sample. */
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"

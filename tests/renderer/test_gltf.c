@@ -1,5 +1,5 @@
-/* Shapes of glTF files: a square whose frame is known, in every way a file may say it, and files
- * that lie. */
+/* Shapes of glTF files: a square with a known frame in every encoding that a file may use, and
+ * files with wrong contents. */
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"

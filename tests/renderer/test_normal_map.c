@@ -21,7 +21,7 @@ static void name_file(const char *name) {
     path = g_build_filename(folder, name, NULL);
 }
 
-/* A normal a texel, none like its neighbours. */
+/* A normal for each texel, different from those of its neighbours. */
 static struct vec3 normal_at(int k) {
     return vec3_unit(vec3(0.6 * sin(1.7 * k), 0.5 * cos(0.9 * k), 1));
 }

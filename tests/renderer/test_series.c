@@ -1,4 +1,4 @@
-/* Pictures of a session while its views come, and where they say that one is missing. */
+/* Pictures of a session while its views are being captured. They show where a view is missing. */
 #include "lib/capturing_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"

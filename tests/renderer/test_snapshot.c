@@ -1,4 +1,4 @@
-/* What a picture of the viewer says about itself. */
+/* The metadata of a picture that the viewer has saved. */
 #include "exr/exr.h"
 #include "lib/test.h"
 #include "window/snapshot.h"

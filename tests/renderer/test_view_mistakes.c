@@ -1,5 +1,5 @@
-/* What mesorig-view says of materials that are torn, incomplete or full of what are not numbers, of
- * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
+/* What mesorig-view says about materials that are cut off, incomplete or full of NaN, about shapes
+ * that lack something, and about computers without OpenGL: one sentence, and never a crash or a
  * black picture. */
 #include "codecs/codecs.h"
 #include "codecs/lpca/lpca_levels.h"

@@ -1,5 +1,6 @@
-/* What a user opens, saves and lights in the window: by dialog, drop and key. What came of it is
- * read from the window's title, from what it prints, and from the pictures it saves. */
+/* Files that a user opens, saves and uses as light in the window, by dialog, by drag and drop, and
+ * by key. The results are read from the window's title, its output, and the pictures that it saves.
+ */
 #include "lib/file_portal.h"
 #include "lib/ok.h"
 #include "lib/process.h"

@@ -1,4 +1,4 @@
-/* Points of a view: what packing may change of them is far below what a sensor sees. */
+/* Points of a view: packing changes them far less than a sensor can see. */
 #include "lib/test.h"
 #include "world/world_private.h"
 

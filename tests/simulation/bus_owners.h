@@ -1,7 +1,8 @@
 /*
- * Watches the simulated world while the daemon serves clients: light that nobody wants, light that
- * the daemon calls off, a safe state that does not hold, light that stays when its line is there
- * again, axes that move for nobody. Asks the world for the truth, and the bus for what it says.
+ * Watches the simulated world while the daemon serves clients, and compares the truth of the world
+ * with the answers of the bus. It finds a light that no client wants, a light that is on although
+ * the daemon reports it as off, a safe state that is not kept, a light that stays on when its line
+ * works again, and an axis that moves for no client.
  */
 #pragma once
 

@@ -1,6 +1,6 @@
 /*
- * What happens in a life of the daemon on the bus, decided by its seed only: lines to the devices
- * that lose answers and are dead for a time, and what clients send, and when.
+ * The events in one life of the daemon on the bus, which depend only on the seed: lines to devices
+ * that lose answers and do not work for a time, and the messages of clients with their times.
  */
 #pragma once
 

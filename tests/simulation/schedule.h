@@ -1,7 +1,7 @@
 /*
- * What happens in one simulated run, decided by its seed only: a few lives of the daemon, each
- * with its faults of devices and disk, calls of operators and steps of the wall clock, and with its
- * end. After them comes a life in which nothing happens; it must finish the session.
+ * The events in one simulated run, which depend only on the seed: a few lives of the daemon, each
+ * with faults of devices and disk, calls of operators, steps of the wall clock, and an end. In the
+ * last life there is no fault, and it must finish the session.
  */
 #pragma once
 

@@ -1,5 +1,5 @@
-/* The first rig file: every kind, with and without devices that are plugged in, is read without a
- * mistake, and says what was asked for. */
+/* mesorig new-rig: rig files of every kind, with and without devices that are plugged in, are read
+ * without an error and contain what was asked for. */
 #include "captures/new_rig_text.h"
 #include "drivers/found.h"
 #include "lib/folder.h"

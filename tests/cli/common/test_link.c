@@ -1,4 +1,5 @@
-/* Which daemon a command means: found where there is one, refused where there are several. */
+/* Which daemon a command uses: the only one that is running. If several are running, the command is
+ * refused. */
 #include <signal.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
-/* Test shots before a long capture: each thing that would spoil it is told within five of them,
- * with its number and what to change, before anything is captured. A rig without faults goes
- * through. */
+/* Test shots before a long capture: each fault that would spoil the capture is reported after at
+ * most five test shots, with a number and with advice, before anything is captured. A rig without
+ * faults passes. */
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -1,5 +1,5 @@
-/* Devices by hand, through the programs: what they do, when they are refused, and that lights are
- * off and axes stand when whoever held them has gone. */
+/* Devices that are operated by hand, with the programs: what the devices do, and when a command is
+ * refused. When the program that holds a device has ended, its light is off and its axis stands. */
 #include <glib/gstdio.h>
 #include <math.h>
 #include <signal.h>

@@ -1,6 +1,6 @@
-/* Devices by hand, as the bus answers for them: names that there are not, calls that meet, clients
- * that go, a door that opens, and devices that fail. Whatever happens, what was switched on goes
- * off, or the operator is told that it may shine. */
+/* Devices that are operated by hand via the bus: wrong names, calls that arrive at the same time,
+ * clients that disconnect, a door that opens, and devices that fail. In each case a light that was
+ * switched on goes off, or the operator is told that it may be on. */
 #include "bus/bus_private.h"
 
 #include <string.h>

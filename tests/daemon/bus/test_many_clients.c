@@ -1,6 +1,6 @@
 /* More clients than a daemon can have: a full table of descriptors, and one program that connects
- * again and again. Who is connected is served meanwhile, the log stays short, and afterwards
- * everybody is let in again. */
+ * again and again. Meanwhile connected clients are served and the log stays short, and afterwards
+ * new clients are accepted again. */
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 #include "lib/ok.h"

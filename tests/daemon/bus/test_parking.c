@@ -1,4 +1,4 @@
-/* How the rig is left when the last session of the queue has ended, as its devices tell it. */
+/* The state of the rig after the last session of the queue, read from its devices. */
 #include "bus/bus.h"
 #include "bus/bus_private.h"
 #include "bus/queue.h"

@@ -1,5 +1,5 @@
-/* Test shots of a session of the queue are another program's: what it is asked, and what its
- * answers, its faults and its silence mean. In its place are scripts. */
+/* Another program takes the test shots of a session of the queue: how it is called, and what its
+ * answers, its failures and its silence mean. Scripts replace this program. */
 #include "bus/bus_trial.h"
 #include "lib/ok.h"
 #include "lib/wait.h"

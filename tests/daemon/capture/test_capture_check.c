@@ -1,5 +1,5 @@
-/* What a capture asks before it begins or goes on: whether there is room, whether the rig is the
- * session's, and which calibration counts. */
+/* Checks before a capture begins or continues: whether there is enough space, whether the rig is
+ * that of the session, and which calibration is used. */
 #include "capture/capture_check.h"
 
 #include <glib/gstdio.h>

@@ -1,5 +1,5 @@
-/* The small simulated rig's every fault during a capture: what is taken again, what pauses, and
- * that in the end the session is to the bit one that nothing happened to. */
+/* Every fault of the small simulated rig during a capture: what is taken again, and what pauses the
+ * capture. In the end the session is identical, bit for bit, to one without faults. */
 #include <glib/gstdio.h>
 #include <string.h>
 

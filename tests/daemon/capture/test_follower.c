@@ -1,5 +1,6 @@
-/* The program that processes next to a capture: found next to the daemon or in PATH, nice, told
- * when it fails, and ended with the capture, whatever it does. In its place are scripts. */
+/* The program that processes frames during a capture: it is found next to the daemon or in PATH,
+ * runs with a low priority, is reported if it fails, and ends with the capture in any case. Scripts
+ * replace this program. */
 #include "base/program.h"
 #include "capture/follower.h"
 

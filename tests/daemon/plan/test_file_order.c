@@ -1,4 +1,5 @@
-/* A rig file and a session file that were exchanged, and files of which that cannot be told. */
+/* A rig file and a session file that were exchanged, and files for which this cannot be recognised.
+ */
 #include <glib/gstdio.h>
 #include <string.h>
 

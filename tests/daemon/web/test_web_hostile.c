@@ -1,5 +1,5 @@
-/* mesorig-web in a network in which somebody wishes it ill: what it reads, keeps and lets wait is
- * bounded, and the safe state is there for everybody else. */
+/* mesorig-web in a network with an attacker: what the server reads, stores and keeps waiting is
+ * limited, and all other clients can call for the safe state. */
 #include "lib/test.h"
 #include "lib/web_site.h"
 

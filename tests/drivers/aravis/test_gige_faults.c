@@ -117,7 +117,7 @@ static void control_stolen(struct eye *eye, gconstpointer unused) {
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FRAME);
     virtual_gige_steal(eye->device, TRUE);
     g_assert_cmpint(eye_shoot(eye, 2), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "no other program uses it");
+    eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "no other program uses the camera");
     g_assert_false(camera_is_armed(eye->camera));
     eye_expect_lost(eye, DEVICE_ERROR_BUSY,
                     "camera eye: another program controls the camera; end that program");

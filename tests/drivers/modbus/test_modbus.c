@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-/* Every fault of a Modbus device with its words and the way out of it. */
+/* Every fault of a Modbus device, with its error message and with the way to continue. */
 
 static void start(struct bench *bench, double to_deg) {
     ok(axis_move(bench->axis, to_deg, ERR));
@@ -262,7 +262,7 @@ TEST(bad_configuration) {
         {"start = 2=1", "start = ", CONFIG_ERROR_VALUE, "start: must not be empty"},
         {"start = 2=1", "", CONFIG_ERROR_MISSING, "start: must be given"},
         {"stop = 2=3", "stop = 2=1;2=1;2=1;2=1;2=1;2=1;2=1", CONFIG_ERROR_VALUE,
-         "stop: has more than 6 writes"},
+         "stop: has 7 writes, but at most 6 are possible"},
         {"min_deg = -90", "min_deg = 90", CONFIG_ERROR_VALUE, "min_deg: 90 is not below"},
         {"speed_scale = 2", "speed_scale = 1000", CONFIG_ERROR_VALUE,
          "speed_scale: the value for the drive, 400000, does not fit into 16 bits"},

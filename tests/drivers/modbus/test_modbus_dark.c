@@ -10,8 +10,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* "Off" and "stop" on a Modbus line that fails: what was carried out without an answer is undone
- * once the line works again, and they go before whatever waits. */
+/* "Off" and "stop" on a Modbus line that fails: when the line works again, a command that was
+ * carried out without an answer is undone. "Off" and "stop" are sent before all commands that wait.
+ */
 
 #define DEAD_S 5
 

@@ -12,7 +12,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-/* Drivers over RTU, and what only RTU has: answers that cannot be told apart. */
+/* Drivers over RTU, and a problem that only RTU has: answers that cannot be distinguished. */
 
 /* A request is repeated after TIMEOUT_MS. A busy computer may run the device, or this program, so
  * late that an answer is late which should not be, or in time which should be late. Tests repeat

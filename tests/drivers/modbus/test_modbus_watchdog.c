@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <unistd.h>
 
-/* Watchdogs of Modbus boards and drives, by a register and by pulses: what they keep on, what goes
- * off when this program hangs, dies or is cut off, and what its operator is told. */
+/* Watchdogs of Modbus boards and drives, by a register and by pulses: what stays on, what goes off
+ * when this program hangs, ends or is disconnected, and what the operator is told. */
 
 #define REGISTER "watchdog_register = 6\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"
 #define PULSES   "pulse_coil = 0x209\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"

@@ -1,6 +1,6 @@
 /*
- * BTFs that were measured from near: read as nominal they are clearly wrong; resampled they must be
- * what the formula says of the nominal directions.
+ * BTFs that were measured from a short distance: with the nominal directions they are clearly
+ * wrong; after resampling they must have the values of the formula at the nominal directions.
  */
 #include "lib/mdf_file.h"
 #include "lib/near_field_fixture.h"

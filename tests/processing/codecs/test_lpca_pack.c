@@ -1,4 +1,4 @@
-/* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
+/* Packed local PCAs: their size and errors, what cannot be packed, and how they are drawn. */
 #include "base/data_error.h"
 #include "codecs/lpca/lpca_choose.h"
 #include "codecs/lpca/lpca_pack_private.h"

@@ -1,5 +1,5 @@
-/* Long work that is cut off, by a cancellation or by a kill: it goes on, and ends with the same
- * bits. */
+/* A long computation that is cancelled or killed: it continues later, and its result is the same
+ * bit for bit. */
 #include "exr/checkpoint.h"
 
 #include "btf/btf_checkpoint.h"

@@ -1,5 +1,6 @@
 /*
- * EXR files: what goes in comes out, tools of others agree, and no file can harm.
+ * EXR files: what is written is read back, other tools read the same values, and damaged files are
+ * refused.
  */
 #include "exr/exr.h"
 #include "exr/exr_half.h"

@@ -1,4 +1,4 @@
-/* What others have measured, made into sessions; and sessions written for others. */
+/* Measurements of other laboratories are imported into sessions, and sessions are exported. */
 #include "base/data_error.h"
 #include "codecs/eigenmaps/eigenmaps.h"
 #include "codecs/lpca/lpca.h"

@@ -1,5 +1,5 @@
-/* A laser's sheet that is bent, speckle, and material that light enters, in the simulated world:
- * from the calibration on plates to the MDF of a sample, against the truth. */
+/* A bent laser sheet, speckle, and a material that light enters, in the simulated world: everything
+ * from the calibration with plates to the MDF of a sample is compared with the truth. */
 #include "capture/intake/radiance.h"
 #include "frames/sweep.h"
 #include "laser/laser.h"

@@ -1,4 +1,4 @@
-/* Laser positions whose lines are elsewhere than told, and surfaces that no camera saw. */
+/* Laser positions whose lines are not where the session says, and surfaces that no camera saw. */
 #include "base/data_error.h"
 #include "lib/ok.h"
 #include "lib/pipeline_fixture.h"

@@ -1,6 +1,6 @@
 /*
- * The session directory: what was planned comes back bit for bit, and commits are whole or not at
- * all.
+ * The session directory: a plan is read back bit for bit, and a commit is complete or has no
+ * effect.
  */
 #include "lib/assert_error.h"
 #include "lib/ok.h"

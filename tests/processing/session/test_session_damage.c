@@ -1,5 +1,6 @@
 /*
- * What can happen to a session: kills, full disks, strangers' and damaged databases.
+ * What can happen to a session: killed programs, full disks, and databases that are damaged or from
+ * other programs.
  */
 #include "lib/ok.h"
 #include "lib/process.h"

@@ -1,4 +1,5 @@
-/* Synthesis of samples whose right continuation is known: cut from patterns that repeat. */
+/* Synthesis from samples whose correct continuation is known, because they are cut from periodic
+ * patterns. */
 #include "lib/btf_fixture.h"
 #include "lib/ok.h"
 #include "lib/test.h"

@@ -1,6 +1,6 @@
 /* Effects of real cameras and lamps on tones, from a white tile to the BTF of a grey scale, through
  * sessions: the halves of a sensor, offsets of columns, veiling glare, flicker. They are corrected
- * where the tile's pictures show them, else the error bars hold them; and what a residual says. */
+ * if the tile's pictures show them. Otherwise the error bars contain them. */
 #include "base/residual.h"
 #include "base/robust.h"
 #include "btf/btf_sigma.h"

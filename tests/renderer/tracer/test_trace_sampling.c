@@ -1,5 +1,5 @@
-/* What directions and lights are drawn from: plain materials and the sky. Sums over drawn
- * directions are compared with sums over even ones. */
+/* Random directions and lights of plain materials and of the sky. Sums over the drawn directions
+ * are compared with sums over evenly distributed ones. */
 #include "lib/test.h"
 #include "scene/environment_made.h"
 #include "tracer/trace_plain.h"
