@@ -1,9 +1,9 @@
 /*
- * How a shader finds the measured views around a direction: the square table that reflectance
- * fields, polynomials and eigen-maps use (direction_table.h), as they use it and by its nearest
- * cell, against cube maps (Meseth et al. 2003 §5.4), on rings whose azimuths and polar angles are
- * not evenly spread. Each way mixes the measured directions themselves by the weights it finds; the
- * truth is the same mix by directions_weights().
+ * Compares ways in which a shader can find the measured views around a direction: the square table
+ * of reflectance fields, polynomials and eigen-maps (direction_table.h), as they use it and with
+ * only the nearest cell, and cube maps (Meseth et al. 2003 §5.4). The measured directions are on
+ * rings with uneven azimuths and polar angles. Each way mixes the measured directions themselves
+ * with its weights. The truth is the same mix with the weights of directions_weights().
  */
 #include "bench.h"
 #include "bench_program.h"

@@ -1,6 +1,7 @@
 /* Local PCA drawn by the pairs of measured directions (Schneider 2004 §5, the baseline), from a 3D
- * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
- * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
+ * texture (§6) and on a grid of directions with simplices: the time of a frame, and the differences
+ * of the pictures. The shape is a torus. The material has invented glossy lobes on 81 × 81
+ * directions, or comes from a file. */
 #include "bench.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/lpca_grid.h"

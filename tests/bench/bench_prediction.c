@@ -1,7 +1,7 @@
 /*
- * Pairs of directions that were not captured, predicted (prediction/prediction.h), against the
- * simulated world: sessions with all pairs, captured by tests/bench/fast_materials --only lamps,
- * are masked to a part of their shots, and what is missing is made up in several ways:
+ * Compares the prediction of pairs of directions that were not captured (prediction/prediction.h)
+ * with the simulated world. Sessions with all pairs, captured by tests/bench/fast_materials --only
+ * lamps, are reduced to a part of their shots, and the missing pairs are predicted in several ways:
  *
  *   start        the shots chosen when nothing is measured, predicted (1/16 and 1/4 only)
  *   chosen       a sixteenth of the shots as in start, then twice as many by prediction_choose(),

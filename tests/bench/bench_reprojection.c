@@ -1,10 +1,11 @@
 /*
- * Views predicted along the surface (reprojection/reprojection.h) against the same views mixed at
- * each texel, as drawing does it (directions.h). Views of a session are left out, by default the
- * rings at 30° and 60° of five that are 15° apart, so that neighbours are 30° apart in the polar
- * angle; the others settle their MDF without them, and predict them. The truth is what the rig has
- * measured in the views left out; with --truth what the simulated world says (world.conf next to
- * the session), and the measured views themselves are held against it as well.
+ * Compares views that are predicted along the surface (reprojection/reprojection.h) with the same
+ * views interpolated at each texel, as drawing does it (directions.h). Views of a session are left
+ * out, by default the rings at 30° and 60° of five rings that are 15° apart, so that neighbours are
+ * 30° apart in the polar angle. The MDF is computed from the other views, which then predict the
+ * views left out. The truth is what the rig has measured in the views left out. With --truth it is
+ * what the simulated world says (world.conf next to the session), and the measured views are
+ * compared with it as well.
  *
  * error: ‖predicted − measured‖ / ‖measured‖ of R, G, B over all lights and texels of the views
  * left out. delta_e: mean CIEDE2000, the diffuser being white. ratio: along / mixed. fallback:

@@ -4,10 +4,11 @@
 
 #include "codecs/lpca/lpca.h"
 
-/* On what the gain of Schneider 2004 §6 rests: the texture fetches of a pixel, counted while a
- * torus is drawn by pairs, from the 3D texture and from the grid; the time of each; the time of the
- * 3D texture if the card's filter read one sample instead of eight; and the time without the
- * fetches of eigen-BRDFs and weights, for which arithmetic of the same addresses stands in. */
+/* Explains the gain of Schneider 2004 §6. Counts the texture fetches of a pixel and measures the
+ * time while a torus is drawn by pairs, from the 3D texture and from the grid. Also measures the
+ * time of the 3D texture if the filter of the card reads one sample instead of eight, and the time
+ * without the fetches of eigen-BRDFs and weights, which are replaced by arithmetic with the same
+ * addresses. */
 gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, GError **error);
 
 /* What mip levels (Schneider 2004 §8) cost and gain, from a file of “mesorig compress --mips”: the

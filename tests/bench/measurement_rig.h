@@ -1,7 +1,7 @@
 /*
- * The rig and the simulated world of bench_measurement: both are said here once, in numbers, so
- * that geometry is exact on both sides and what is left is the method's own error. Noise, Bayer
- * pattern, distortion and vignetting are on.
+ * The rig and the simulated world of bench_measurement. Both are made from the same numbers, so
+ * that the geometry is exact and only the error of the method is left. Noise, Bayer pattern,
+ * distortion and vignetting are on.
  */
 #pragma once
 

@@ -1,7 +1,7 @@
 /*
- * Which lit surface points a camera shows at all. Geometry says of a point that a laser reaches it
- * and that a camera sees it; of a gap narrower than a pixel next to nothing may arrive in the
- * picture. Truth from sim/ only.
+ * Determines which lit surface points are visible in a picture. Geometry says whether a laser
+ * reaches a point and whether a camera sees it. However, nearly no light of a gap that is narrower
+ * than a pixel arrives in the picture. The truth comes from sim/ only.
  */
 #pragma once
 

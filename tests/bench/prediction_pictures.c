@@ -1,7 +1,7 @@
 /*
- * Pictures of the whole sample, drawn from the truth, from all that was measured, and from what a
- * way has made up, by the interpolation between directions that drawing has (directions.h): one
- * pixel a texel, under twelve pairs of directions that were not measured.
+ * Pictures of the whole sample, drawn from the truth, from all measured values, and from the
+ * predictions of one way, with the interpolation between directions that drawing uses
+ * (directions.h). Each texel is one pixel. The twelve pairs of directions were not measured.
  */
 #include "prediction_parts.h"
 

@@ -1,6 +1,5 @@
-/* Cameras are a clock and 8-bit pictures: what comes from a network is not part of this. A frame
- * that is due while the intake is full, or for longer than a camera's buffers hold it, is dropped.
- */
+/* A clock and 8-bit pictures replace the cameras, so that the network is not measured. A frame that
+ * is due while the intake is full, or for longer than a camera's buffers hold it, is dropped. */
 #include "speed_parts.h"
 
 #include "bench.h"

@@ -1,4 +1,5 @@
-/* All frames are one file under many names: how large they are counts, not what is in them. */
+/* All frames are one file with many names, because only the size of the frames matters here, not
+ * their contents. */
 #include "speed_parts.h"
 
 #include "calibration/calibration.h"

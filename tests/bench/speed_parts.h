@@ -3,7 +3,7 @@
 
 #include <glib.h>
 
-/* What absorbing laser frames costs next to copying them, and next to NumPy. */
+/* The time to process laser frames, compared with the time to copy them, and with NumPy. */
 struct speed_sweep {
     double single_mpx_s;              /* frame by frame */
     double sweep_mpx_s, memcpy_mpx_s; /* one core */

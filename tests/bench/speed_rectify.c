@@ -1,4 +1,4 @@
-/* What is looked at is a flat print, known by formula, so that a texel's mean is as well. */
+/* The object is a flat print that a formula describes, so that the mean of each texel is known. */
 #include "speed_parts.h"
 
 #include "exr/exr.h"

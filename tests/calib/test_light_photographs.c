@@ -1,5 +1,6 @@
 /* mesorig calibrate lights --images on pictures of mirror balls as a camera far away gives them: by
- * formula, sRGB of 8 bits, clipped, with dust, second lamps and circles that somebody misread. */
+ * formula, sRGB of 8 bits, clipped, with dust, second lamps, and circles that were given wrongly.
+ */
 #include "lib/ball_scene.h"
 #include "lib/process.h"
 #include "lib/test.h"

@@ -1,4 +1,5 @@
-/* mesorig process: why little was measured, in a sentence with its number and the key to change. */
+/* mesorig process says why little was measured, in a sentence with a number and the key to change.
+ */
 #include "calibration/calibration.h"
 #include "lib/operator.h"
 #include "lib/test.h"

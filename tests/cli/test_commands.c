@@ -1,5 +1,5 @@
-/* The table of commands: a letter means the same in all of them and in all programs, every command
- * has an example that is right, and every program says its version. */
+/* The table of commands: a short option has the same meaning in all commands and programs, every
+ * command has an example that works, and every program prints its version. */
 #include "cli/commands.h"
 #include "lib/ok.h"
 #include "lib/test.h"

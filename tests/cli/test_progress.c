@@ -1,5 +1,5 @@
-/* What progress leaves in a log: nothing of a stage that is over at the same time, and few lines of
- * a long one. */
+/* What progress writes into a log: nothing for a stage that ends immediately, and few lines for a
+ * long one. */
 #include "common/progress.h"
 #include "common/work.h"
 
@@ -59,8 +59,8 @@ static gboolean tell_again(const struct work *work, gpointer data, GError **erro
     return TRUE;
 }
 
-/* Work whose end is told again and again, as what follows it goes on: a line when it ends, and one
- * that stays, without time left. */
+/* Work whose end is reported repeatedly while the next stage runs: there is one line when the work
+ * ends, and this line stays, without a time left. */
 TEST(again) {
     double seconds;
     g_string_truncate(told, 0);

@@ -1,4 +1,5 @@
-/* The axis class, over simulated axes and one that says nothing by itself. */
+/* The axis class, with simulated axes and with an axis that reports only what the test makes it
+ * report. */
 #include "lib/heard.h"
 #include "lib/ok.h"
 

@@ -1,5 +1,5 @@
-/* Says how far frames and products of two captures of the same session are apart, how many frames
- * each has, and how many pictures were taken again. */
+/* Prints the differences between frames and products of two captures of the same session, the
+ * number of frames of each, and the number of pictures that were taken again. */
 #include "lib/session_difference.h"
 #include "session/session.h"
 

@@ -1,7 +1,6 @@
 /*
- * How far a calibration of a simulated rig, or its rig file, is from the world's own truth. The
- * azimuth's zero is a matter of agreement (cameras/cameras.h): the one is turned to the other
- * first.
+ * Compares a calibration of a simulated rig, or the rig file, with the truth of the world. The zero
+ * of the azimuth is a convention (cameras/cameras.h), so one is first turned to the other.
  */
 #pragma once
 

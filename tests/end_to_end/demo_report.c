@@ -1,7 +1,7 @@
 /*
- * How far a captured session is from the truth of the simulated world it was captured in: the
- * figures of demo/report.json, and pictures of what was measured next to the truth. With --nominal
- * the same frames processed as if the rig had not been calibrated are measured as well.
+ * Compares a session with the truth of the simulated world in which it was captured: the figures of
+ * demo/report.json, and pictures of the measurement next to the truth. With --nominal, the same
+ * frames processed without a calibration are compared as well.
  */
 #include "base/work.h"
 #include "btf/btf_sigma.h"

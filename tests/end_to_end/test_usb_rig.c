@@ -1,7 +1,7 @@
-/* A session through USB and V4L2 only: the small rig's axes are Tics, its lamps and lasers hang on
- * relay boards, its cameras are V4L2's and one USB3 Vision's, all over one world, and the programs
- * capture it in real time. Its frames and products are those of the simulated drivers, but for the
- * noise. */
+/* A session through USB and V4L2 only: the axes of the small rig are Tics, its lamps and lasers are
+ * connected to relay boards, and its cameras are V4L2 cameras and one USB3 Vision camera. All share
+ * one world, and the programs capture the session in real time. Its frames and products are those
+ * of the simulated drivers, except for the noise. */
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"

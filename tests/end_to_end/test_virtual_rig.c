@@ -1,6 +1,6 @@
-/* A session through real protocols: mesorig-rig stands for the small rig, 1 % of its cameras'
- * packets lost, and the programs capture it in real time. Its frames and products are those of the
- * simulated drivers, but for the noise. */
+/* A session with real protocols: mesorig-rig imitates the small rig, 1 % of the packets of its
+ * cameras are lost, and the programs capture the session in real time. Its frames and products are
+ * those of the simulated drivers, except for the noise. */
 #include "lib/find_guardian.h"
 #include "lib/ok.h"
 #include "lib/process.h"

@@ -1,4 +1,4 @@
-/* A session's database: everything that commands read of it. */
+/* The database of a session: everything that commands read from it. */
 #include "fuzz.h"
 
 #include "session/session.h"

@@ -1,4 +1,4 @@
-/* What a relay or a motor of a virtual rig says that it moves in the world. */
+/* The text that says which part of the world a relay or a motor of a virtual rig moves. */
 #include "fuzz.h"
 
 #include "virtual/world_link.h"

@@ -1,4 +1,4 @@
-/* What the contract promises of every drawing method in the table. */
+/* What the interface promises for every drawing method in the table. */
 #include "base/direction.h"
 #include "btf/direction_grid.h"
 #include "codecs/codecs.h"

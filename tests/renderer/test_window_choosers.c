@@ -1,5 +1,5 @@
-/* Choosers and sliders of the window's panel by the mouse, which finds them on
- * the picture as a user does; what came of it is read from screenshots. */
+/* Choosers and sliders of the window's panel, operated with the mouse. The test finds them in the
+ * picture as a user does, and reads the results from screenshots. */
 #include "lib/capturing_fixture.h"
 #include "lib/fields_fixture.h"
 #include "lib/remove_tree.h"

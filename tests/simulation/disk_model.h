@@ -1,7 +1,7 @@
 /*
- * What the medium of a simulated disk holds, made from the journal of calls (disk.h). POSIX
- * promises no more than this: the contents of a file are on the medium after fsync() of the file,
- * and its name after fsync() of the folder. When the power fails,
+ * The contents of the medium of a simulated disk, computed from the journal of calls (disk.h).
+ * POSIX promises only this: the contents of a file are on the medium after fsync() of the file, and
+ * its name after fsync() of the folder. When the power fails,
  *
  *   - each write and each change of length since the last fsync() of a file is kept, lost, or torn
  *     at a multiple of 512 bytes; what fsync() has failed to write is lost even if a later one

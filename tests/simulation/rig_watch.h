@@ -1,6 +1,6 @@
 /*
- * Watches the simulated world while a capture rests: lamps and lasers must be off and the axes must
- * stand, as the state says. Asks the world, not the devices.
+ * Watches the simulated world while a capture is paused or has ended: lamps and lasers must be off
+ * and the axes must stand, as the state says. Reads the state of the world, not of the devices.
  */
 #pragma once
 

@@ -1,7 +1,7 @@
 /*
- * Whether a session directory is what its database says, found with SQLite and GLib only: nothing
- * of the session's own code is used. Reads a copy of the database, so that the session stays as a
- * killed daemon has left it.
+ * Checks whether a session directory agrees with its database, with SQLite and GLib only and
+ * without the code of sessions. Reads a copy of the database, so that the session stays as a killed
+ * daemon has left it.
  */
 #pragma once
 

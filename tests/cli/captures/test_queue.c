@@ -1,4 +1,4 @@
-/* The queue of sessions, as an operator meets it: the daemon with a simulated rig, and mesorig. */
+/* The queue of sessions as an operator uses it: with mesorig, and a daemon with a simulated rig. */
 #include <glib/gstdio.h>
 #include <json-glib/json-glib.h>
 #include <libsoup/soup.h>

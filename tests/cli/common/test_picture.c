@@ -1,4 +1,4 @@
-/* Pictures on a terminal, progress bars, and what stands above them. */
+/* Pictures on a terminal, progress bars, and the lines above them. */
 #include <poll.h>
 #include <pty.h>
 #include <stdio.h>

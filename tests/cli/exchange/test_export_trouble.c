@@ -1,5 +1,5 @@
-/* Every kind of export on materials and disks that are in a poor state: a file, or a sentence that
- * says what is wrong and no file. */
+/* Every kind of export, of damaged or incomplete materials and to faulty disks: the result is a
+ * file, or a sentence that says what is wrong, without a file. */
 #include "lib/material_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"

@@ -1,5 +1,5 @@
-/* The commands that import and export files of measured BRDFs and RTI: sessions that others go on
- * with, and sentences where something is wrong, with nothing left behind. */
+/* The commands that import and export files of measured BRDFs and RTI: other commands can use the
+ * sessions. If something is wrong, there is an error, and no file is left behind. */
 #include "formats/brdf/rgl.h"
 #include "lib/folder.h"
 #include "lib/process.h"

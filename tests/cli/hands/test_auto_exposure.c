@@ -1,5 +1,6 @@
-/* Exposures that are "auto" in a session file: chosen from test shots, stored, reported, and kept
- * by a session that is resumed; what no exposure can serve is an error that names the key. */
+/* Exposures that are "auto" in a session file: they are chosen from test shots, stored and
+ * reported, and a resumed session keeps them. If no exposure is suitable, there is an error that
+ * names the key. */
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

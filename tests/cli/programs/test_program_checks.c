@@ -1,5 +1,5 @@
-/* “mesorig conformance”: the examples of contrib/ pass, and of helper.py, which breaks one promise
- * at a time, exactly the check of that promise fails. */
+/* “mesorig conformance”: the examples of contrib/ pass. helper.py breaks one promise at a time, and
+ * exactly the check of this promise must fail. */
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"

@@ -1,4 +1,4 @@
-/* What the bus refuses, and what it says then: options, paths, callers, checks next to each other,
+/* What the bus refuses, and with which errors: options, paths, callers, checks at the same time,
  * the queue, and addresses that clients give. */
 #include "bus/bus_authority.h"
 #include "bus/bus_caller.h"

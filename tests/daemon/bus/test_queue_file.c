@@ -1,4 +1,5 @@
-/* The queue's list and its file: what is kept, refused, and not read. */
+/* The list of the queue and its file: what is stored, what is refused, and which files are not
+ * read. */
 #include "bus/queue.h"
 #include "lib/ok.h"
 

@@ -1,6 +1,7 @@
-/* Captures with white fiducials next to the sample, in a calibrated rig: what they show of the
- * lamps' output is stored, and a rig that has moved since it was calibrated pauses the session,
- * once. The truth is the world's: where its fiducials and cameras are, and how bright its lamps. */
+/* Captures with white fiducials next to the sample, in a calibrated rig: the output of the lamps
+ * that they show is stored, and if the rig has moved since its calibration, the session pauses
+ * once. The truth is that of the world: the positions of its fiducials and cameras, and the output
+ * of its lamps. */
 #include <math.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
-/* A rig with one laser unit that somebody mounts at one place after the other: what its file may
- * say, what is planned, how the session asks, and that its pictures are those of a rig with a unit
- * at each place. */
+/* A rig with one laser unit that somebody mounts at one place after another: what its rig file may
+ * say, what is planned, and how the session asks for the next place. The pictures must be those of
+ * a rig with a unit at each place. */
 #include "exr/exr.h"
 #include "lib/capture_run.h"
 #include "lib/ok.h"

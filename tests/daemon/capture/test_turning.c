@@ -1,5 +1,6 @@
-/* Sessions with [capture] motion = continuous in the small simulated rig: what their frames show
- * and say, how long they take, and that pauses, faults and kills change none of them. */
+/* Sessions with [capture] motion = continuous in the small simulated rig: the contents and metadata
+ * of their frames, and the time of a session. Pauses, faults and kills must not change the frames.
+ */
 #include "capture/capture.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
-/* mesorig-hooks: the executables that it runs, those that are shipped, and notifications; and that
- * none of them holds up the others or a capture. */
+/* mesorig-hooks: the executables that it runs, those of the package, and notifications. None of
+ * them may delay the others or a capture. */
 #include "hooks/hooks.h"
 
 #include <glib/gstdio.h>

@@ -20,7 +20,8 @@ static void stand(struct rig *rig, double theta_deg, double phi_deg) {
     lamp->fixed = 1;
 }
 
-/* An overhead camera under LEDs in no order: nothing moves, and each light is one of them. */
+/* A camera above the sample and LEDs in no order: nothing moves, and each light is one of the LEDs.
+ */
 TEST(dome) {
     g_auto(SessionConf) conf = plan_case_conf("[views]\ndevices=all\n[lights]\ndevices=all\n");
     struct rig rig = {.n_cameras = 1};

@@ -1,4 +1,5 @@
-/* mesorig devices: what is plugged in is found, and its section opens it as it is pasted. */
+/* mesorig devices finds what is plugged in, and the section that it prints opens the device without
+ * changes. */
 #include "conformance/conformance.h"
 
 #include "aravis/camera.h"

@@ -1,5 +1,5 @@
-/* Timing from a rig file only: that of the opened devices where they can be opened, and what the
- * file says where nothing is there to open. */
+/* Timing from a rig file only: if the devices can be opened, it must equal the timing of the opened
+ * devices. Otherwise it is what the file says. */
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"

@@ -1,6 +1,7 @@
-/* What is left of a rig when something else has failed: `mesorigd --safe-state` with each device
- * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
- * laser and each other device is a virtual one with a line of its own, which tells what it does. */
+/* Whether the rest of a rig becomes safe when something else has failed: `mesorigd --safe-state`
+ * with each device missing, with a wrong section or with its line in use, and the guardian after
+ * any end of the daemon. Each device, the laser included, is a virtual one on its own line, and the
+ * test reads its true state. */
 #include "bus/bus.h"
 #include "lib/find_guardian.h"
 #include "lib/lines.h"

@@ -1,6 +1,6 @@
 /*
- * A camera that is nothing but its GenICam file: registers remember what is written to them and do
- * nothing. Aravis reads and writes features through them as it does with a real camera.
+ * A camera that consists only of its GenICam file: registers store what is written to them and have
+ * no effect. Aravis reads and writes features through them as it does with a real camera.
  */
 #pragma once
 

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* What the operator sees of each fault, and how it ends. */
+/* What the operator sees of each fault, and what ends the fault. */
 
 static void loss(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_state state;

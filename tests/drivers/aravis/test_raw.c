@@ -1,5 +1,6 @@
-/* Cameras of several makers' naming styles: all that alters pictures is switched off, and what
- * cannot be switched off is told. While anything is on, the virtual camera squares brightness. */
+/* Cameras with the names of several makers: every function that alters pictures is switched off,
+ * and a function that cannot be switched off is reported. While anything is on, the virtual camera
+ * squares brightness. */
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
 #include "lib/painted.h"

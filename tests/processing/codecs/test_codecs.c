@@ -1,4 +1,4 @@
-/* What the contract promises of every codec in the table. */
+/* What the interface promises for every codec in the table. */
 #include "base/data_error.h"
 #include "codecs/codec/compare.h"
 #include "codecs/codecs.h"

@@ -1,4 +1,4 @@
-/* Error against size of all models: what is measured, and what is drawn of it. */
+/* Error against size of all models: the measured values, and the diagram. */
 #include "codecs/lpca/lpca_choose.h"
 #include "codecs/lpca/lpca_pack.h"
 #include "lib/ok.h"

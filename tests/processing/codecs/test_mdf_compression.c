@@ -1,4 +1,5 @@
-/* Distances in fewer bytes: against closed forms, and against how a card reads them. */
+/* Compressed distances, compared with closed forms and with the way in which a graphics card reads
+ * them. */
 #include "base/data_error.h"
 #include "codecs/mdf_codecs/mdf_blocks.h"
 #include "codecs/mdf_codecs/mdf_factors.h"

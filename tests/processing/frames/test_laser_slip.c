@@ -1,5 +1,5 @@
 /* A sweep axis that has slipped, in the simulated world: the line on the turntable next to a weave
- * tells, and the surface is found where it is. */
+ * shows the slip, and the surface is found at its true place. */
 #include "capture/intake/radiance.h"
 #include "frames/laser_pictures.h"
 #include "frames/sweep.h"

@@ -1,5 +1,5 @@
-/* Maps of materials that are known by formula: what was planted is found again, and files say the
- * same to a reader and evaluator apart from ours (gltf_peer.py). */
+/* Maps of materials that are known by formula: the values of the formula are found again, and an
+ * independent reader and evaluator (gltf_peer.py) gets the same from the files. */
 #include "base/data_error.h"
 #include "base/direction.h"
 #include "lib/ok.h"

@@ -1,5 +1,5 @@
-/* libmesorig-material as others have it: the header, the library and the programs of the documents,
- * from an installed prefix. */
+/* libmesorig-material as a user has it: the header, the library and the programs of the
+ * documentation are used from an installed prefix. */
 #include "lib/material_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"

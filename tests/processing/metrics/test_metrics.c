@@ -1,4 +1,4 @@
-/* Metrics of pictures against programs of others: flip-evaluator, which is by the authors of FLIP,
+/* Metrics of pictures, compared with independent programs: flip-evaluator by the authors of FLIP,
  * and scikit-image. */
 #include "base/srgb.h"
 #include "lib/test.h"

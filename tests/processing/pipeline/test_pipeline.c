@@ -1,4 +1,5 @@
-/* From a session's frames to its products: whole, again, in part, while they come, and refused. */
+/* From the frames of a session to its products: of a whole session, again, of a part, during the
+ * capture, and sessions that are refused. */
 #include "base/data_error.h"
 #include "btf/btf.h"
 #include "lib/ok.h"

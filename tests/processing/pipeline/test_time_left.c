@@ -1,5 +1,5 @@
-/* The time that processing will still take is told within a quarter, from a tenth of it on: in a
- * replay of the demo's session, and of sessions whose views differ more. */
+/* The time left of processing is right within a quarter as soon as a tenth of the work is done: in
+ * a replay of the demo's session, and of sessions whose views differ more. */
 #include <glib.h>
 #include <glib/gstdio.h>
 #include <math.h>

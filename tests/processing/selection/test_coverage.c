@@ -1,5 +1,5 @@
-/* What laser sweeps know of a view: of a plane whose peaks are computed here, with gaps and with
- * reflections, and of the model of what a further sweep adds. */
+/* The coverage of a view by laser sweeps: for a plane whose peaks are computed here, with gaps and
+ * with reflections. Also the model of what another sweep adds. */
 #include "selection/coverage_view.h"
 
 #include <glib/gstdio.h>

@@ -1,5 +1,5 @@
-/* The lamps' output that fiducials have shown: means, interpolation between measured shots of a
- * lamp, and values in the database that are none. */
+/* The outputs of the lamps that fiducials have shown: means, interpolation between measured shots
+ * of a lamp, and invalid values in the database. */
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "session/outputs.h"

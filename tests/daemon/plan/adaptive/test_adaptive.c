@@ -1,6 +1,6 @@
 /* Sessions with [lasers] stop = covered and [lights] sampling = adaptive in the small simulated
- * rig: what is left out is said, and a session that is aborted, damaged or killed anywhere goes on
- * to the same one. */
+ * rig: the session says what it left out, and after an abort, damage or a kill at any moment it
+ * continues to the same result. */
 #include "plan/adaptive/adaptive.h"
 #include "plan/adaptive/expected.h"
 
