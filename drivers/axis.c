@@ -281,7 +281,8 @@ static gboolean check_idle(const Axis *axis, GError **error) {
     if (axis->state->activity == IDLE)
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_BUSY, axis->device.who,
-                            "still %s" ERROR_ADVICE "wait or stop it first", activity_name(axis));
+                            "still %s" ERROR_ADVICE "wait, or stop the axis first",
+                            activity_name(axis));
 }
 
 gboolean axis_home(Axis *axis, GError **error) {
@@ -334,7 +335,9 @@ static gboolean check_move(const Axis *axis, double target_deg, GError **error) 
                                 "its position is not known" ERROR_ADVICE "home it first");
     if (!isfinite(target_deg))
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                                "a position of %g° is not a finite number", target_deg);
+                                "a position of %g° is not a finite number" ERROR_ADVICE
+                                "give an angle in degrees",
+                                target_deg);
     if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg))
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
@@ -546,7 +549,8 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     if (event == AXIS_FAULT) {
         if (!owned)
             owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
-                                     "it has reported a fault without a reason");
+                                     "it has reported a fault without a reason" ERROR_ADVICE
+                                     "check the device and its cable, then home it");
         if (state->retrying)
             not_stopped(axis, owned);
         /* in doubt, the fault was reported before */

@@ -187,7 +187,7 @@ void axis_report_position(Axis *axis, double deg, gint64 at_us);
 /* The same as axis_report_position(), for a driver that asks its device. The device reads its
  * position at some time between the request and the answer. The position is reported for the middle
  * between these two times. The error of that time is at most half the time between request and
- * answer. If it is larger than motion.stamp_ms, nothing is reported. */
+ * answer. If half that time is longer than motion.stamp_ms, nothing is reported. */
 void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us);
 
 /* Returns the duration of a move in seconds, including backlash and settling. Returns 0 if from and

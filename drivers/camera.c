@@ -69,10 +69,12 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
             "correct the pixel format in its section",
             f->bits);
     if (f->min_exposure_us < 1 || f->min_exposure_us > f->max_exposure_us)
-        return device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
-                                "its driver reports exposures of %" G_GINT64_FORMAT
-                                " to %" G_GINT64_FORMAT " µs, which is not a range above 0",
-                                f->min_exposure_us, f->max_exposure_us);
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, who,
+            "its driver reports exposures of %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT
+            " µs, which is not a range above 0" ERROR_ADVICE
+            "correct the exposures in its section or in the answer of its program",
+            f->min_exposure_us, f->max_exposure_us);
     if (f->readout_us < 0 || f->trigger_us < 0 || f->stamp_us < -1)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
                                 "its driver reports a negative time: read-out %" G_GINT64_FORMAT
@@ -327,7 +329,9 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 ha
                       frame->width, frame->height, cfa_name(frame->cfa), frame->bits, format->width,
                       format->height, cfa_name(format->cfa), format->bits);
     if (frame->incomplete)
-        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "some of its data was lost on the way");
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "some of its data was lost on the way" ERROR_ADVICE
+                      "check the camera's cable");
     if (!check_times(camera, frame, error))
         return FALSE;
     for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++)
@@ -365,6 +369,7 @@ void camera_report_fault(Camera *camera, GError *error) {
     g_autoptr(GError) owned = error;
     if (!owned)
         owned = device_error_new(DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                                 "it has reported a fault without a reason");
+                                 "it has reported a fault without a reason" ERROR_ADVICE
+                                 "check the camera and its cable");
     fault(camera, owned);
 }

@@ -29,7 +29,7 @@ enum camera_event {
 typedef void (*CameraFunc)(Camera *camera, enum camera_event event, Frame *frame,
                            const GError *error, gpointer data);
 
-struct camera_format { /* filled by the driver's open() */
+struct camera_format { /* filled by the driver's open() or opened() */
     int width, height;
     enum cfa cfa;
     int bits;
@@ -53,7 +53,8 @@ struct camera_settings {
 
 struct camera_driver {
     struct driver_info info;
-    gboolean (*open)(Camera *camera, GError **error); /* fills camera->format */
+    gboolean (*open)(Camera *camera,
+                     GError **error); /* fills camera->format unless opened() does */
     /* May be NULL. For a camera that takes long to open, open() only starts to open it in a thread.
      * opened() waits until it is open and fills camera->format. In this way several cameras are
      * opened at the same time. */
@@ -92,8 +93,8 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data);
  * exposure (camera_can_expose()), if the gain is not finite, or if the driver cannot set them.
  * If the settings are the present ones, nothing is sent to the camera. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
-/* Returns whether the camera has this exposure time. A time such as 1/60 s may be rounded to
- * microseconds in either direction. */
+/* Returns whether the camera has this exposure time. It may differ from a time of the camera's list
+ * by 0.1 % or 1 µs, because a time such as 1/60 s is rounded to microseconds. */
 gboolean camera_can_expose(const Camera *camera, gint64 exposure_us);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */

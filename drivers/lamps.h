@@ -20,7 +20,7 @@ typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, 
 
 struct lamps_driver {
     struct driver_info info;
-    /* Connects, fills bank->n and bank->warm_up_s, and leaves all lamps off. */
+    /* Connects, fills bank->n, bank->warm_up_s and bank->watchdog_s, and leaves all lamps off. */
     gboolean (*open)(LampBank *bank, GError **error);
     /* Switches all lamps off with a single attempt, waits for the answer, and then releases the
      * device. */

@@ -18,7 +18,7 @@ typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpoint
 
 struct laser_driver {
     struct driver_info info;
-    /* Connects, leaves the laser off, and fills warm_up_s. */
+    /* Connects, leaves the laser off, and fills warm_up_s and watchdog_s. */
     gboolean (*open)(Laser *laser, GError **error);
     /* Switches the laser off with a single attempt, waits for the answer, and releases the
      * device. */

@@ -72,5 +72,5 @@ char *lock_process(pid_t pid);
 gboolean lock_is_daemon(pid_t pid);
 
 /* Returns the key of the device behind a device node. All links to the node have the same key. kind
- * is "serial". Returns NULL if the node does not exist. Free it with g_free(). */
+ * is "serial", "usb" or "video". Returns NULL if there is no such node. Free it with g_free(). */
 char *lock_key_of_node(const char *kind, const char *path);
