@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Upper bound of the relative drift between two quartz clocks. */
+/* Largest assumed drift of the camera's clock against this computer's, in µs per µs. */
 #define DRIFT       100e-6
 #define ROUNDING_US 20
 

@@ -9,10 +9,11 @@ struct answer_state {
     struct aravis_clock clock;
     gint64 asked_us; /* time when the camera's clock was last read */
     gint64 exposure_us;
-    guint64 shot;           /* Frame.shot of the next frame */
-    gint64 sent_us;         /* time when the trigger that waits for its frame was sent */
-    guint64 base, last_raw; /* added to the camera's ids; the last of these ids */
-    gboolean stamp_is_end;  /* the camera's time stamps are those of the end of the exposure */
+    guint64 shot;   /* Frame.shot of the next frame */
+    gint64 sent_us; /* time when the trigger that waits for its frame was sent */
+    guint64 base,
+        last_raw; /* base: added to the camera's ids; last_raw: last id as the camera sent it */
+    gboolean stamp_is_end; /* the camera's time stamps are those of the end of the exposure */
 };
 
 /* Forgets the ids of earlier frames. Call it when the camera is armed, because ids may restart.
@@ -20,9 +21,9 @@ struct answer_state {
 void answer_begin(struct answer_state *state);
 
 /* Returns the frame. If data was lost, its pixels are 0 and incomplete is TRUE. Returns NULL
- * without an error if the frame was exposed, or without a clock of the camera began to arrive,
- * *ret_before_us before the trigger and therefore does not answer it. Returns NULL with an error if
- * the frame has another size or format than the camera was set to, if it has too few bytes, or if a
- * value has more than limits->bits bits. */
+ * without an error if the frame is older than the trigger. *ret_before_us is then the time from the
+ * start of its exposure to the trigger or, for a camera without a clock, from the beginning of its
+ * arrival to the trigger. Returns NULL with an error if the frame has another size or format than
+ * the camera was set to, if it has too few bytes, or if a value has more than limits->bits bits. */
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
                     GError **error);

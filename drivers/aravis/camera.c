@@ -10,7 +10,7 @@
 /* Longest accepted time from the reported end of an exposure to its end by the time stamp. A
  * smaller difference is within the uncertainty of the clocks. */
 #define OVERTIME_US 1000
-#define STAMP_US    1000 /* tolerance of the class for errors of time stamps */
+#define STAMP_US    1000 /* stamp_us of camera_format (drivers/camera.h) with a global shutter */
 
 struct aravis_camera {
     struct aravis_options options; /* the first member, which the option table describes */
@@ -94,8 +94,9 @@ static void camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* Reports the end of the exposure when the camera begins to send the frame. Some cameras
- * announce the frame earlier, so the report waits until trigger_us and the exposure have passed. */
+/* Reports the end of the exposure when the camera begins to send the frame. Some cameras announce
+ * the frame earlier, so the report waits until trigger_us and the exposure have passed since the
+ * trigger was sent, at sent_us. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;

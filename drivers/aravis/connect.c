@@ -135,8 +135,8 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
     return found;
 }
 
-/* Returns the IP address of a GigE Vision camera and sets *ret_gige to TRUE, or returns Aravis's
- * id of another camera. Returns NULL if the camera is not found. */
+/* Returns the IP address of a GigE Vision camera and sets *ret_gige to TRUE, or returns Aravis's id
+ * of a camera of another kind. Returns NULL if the camera is not found. */
 static char *connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);

@@ -30,7 +30,7 @@ struct aravis_limits {
     int width, height;
     const struct aravis_format *format;
     int bits;
-    double black_level; /* of frames, as the rig file says */
+    double black_level; /* black_level_dn of the rig file: value of frames in the dark, in DN */
     gint64 min_exposure_us, max_exposure_us;
     double min_gain_db, max_gain_db; /* both 0 if the camera has no gain */
     gboolean rolling;            /* the camera reports that rows are exposed one after the other */

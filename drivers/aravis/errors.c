@@ -33,10 +33,19 @@ gboolean aravis_error_take(GError *why, const char *what, GError **error) {
     else if (code == DEVICE_ERROR_DISCONNECTED)
         device_error_set(error, code, NULL,
                          "control of the camera was lost (%s: %s)" ERROR_ADVICE
-                         "check its cable, and that no other program uses it",
+                         "check the cable, and that no other program uses the camera",
+                         what, why->message);
+    else if (code == DEVICE_ERROR_UNSUPPORTED)
+        device_error_set(error, code, NULL,
+                         "the camera lacks what the step “%s” needs: %s" ERROR_ADVICE
+                         "correct that setting in the camera's section, or use another camera",
                          what, why->message);
     else
-        device_error_set(error, code, NULL, "the step “%s” has failed: %s", what, why->message);
+        device_error_set(
+            error, code, NULL,
+            "the step “%s” has failed: %s" ERROR_ADVICE
+            "correct that setting in the camera's section, or switch the camera off and on",
+            what, why->message);
     g_error_free(why);
     return FALSE;
 }

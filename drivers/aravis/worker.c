@@ -29,7 +29,7 @@ struct event {
     AravisWorker *worker;
     enum event_kind kind;
     guint generation;
-    gint64 us;
+    gint64 us; /* SENDING: time of the trigger; STALE: from the exposure to the trigger */
     Frame *frame;
     GError *error;
 };
@@ -325,11 +325,11 @@ static gpointer worker_work(gpointer data) {
          * device must not be freed during the signal, because Aravis's heartbeat thread would then
          * wait for itself. */
         else if (!aravis_device_has_control(worker->device))
-            worker_fail(
-                worker, worker->armed,
-                device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "control of the camera was lost" ERROR_ADVICE
-                                 "check its power and cable, and that no other program uses it"));
+            worker_fail(worker, worker->armed,
+                        device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
+                                         "control of the camera was lost" ERROR_ADVICE
+                                         "check the camera's power and cable, and that no other "
+                                         "program uses the camera"));
     }
     close_device(worker);
     worker_announce(worker, &worker->ended);

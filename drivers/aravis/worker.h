@@ -4,7 +4,7 @@
  * functions here belong to the main loop's thread.
  *
  * If the camera is lost, the thread looks for it once a second. When it is found, the thread sets
- * it up as before, and it may be armed again.
+ * it up as before, and the camera may be armed again.
  */
 #pragma once
 
