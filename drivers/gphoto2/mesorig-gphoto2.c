@@ -113,7 +113,8 @@ struct request {
     JsonObject *params;
 };
 
-/* Reads a request. parser owns its parts. */
+/* Reads a request, whose strings and objects the parser owns. Returns FALSE if the line is no
+ * request with a method and params. */
 static gboolean parse(JsonParser *parser, const char *line, struct request *ret) {
     if (!json_parser_load_from_data(parser, line, -1, NULL) ||
         !JSON_NODE_HOLDS_OBJECT(json_parser_get_root(parser)))

@@ -41,7 +41,8 @@ static void add_line(GPtrArray *to, const char *line) {
 }
 
 /* Reads the output of a program until its end or until the deadline, and kills the program then.
- * *ret_status is the status of the program as waitpid() gives it. */
+ * *ret_status is the status of the program as waitpid() gives it. Returns FALSE if the output had
+ * no end before the deadline. */
 static gboolean read_output(GPid pid, int fd, GString *to, int *ret_status) {
     const gint64 limit_us = g_get_monotonic_time() + LIST_US;
     char bytes[4096];

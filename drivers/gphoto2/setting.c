@@ -102,7 +102,9 @@ static gboolean fill(Widget *widget, const char *name, const char *value, GError
         return gp_widget_set_value(widget, &(float){(float)number}) >= GP_OK;
     if (type == GP_WIDGET_TOGGLE)
         return gp_widget_set_value(widget, &(int){(int)number}) >= GP_OK;
-    return fail(error, "the setting %s takes no value", name);
+    return fail(error,
+                "the setting %s takes no value that can be written here; remove it from settings",
+                name);
 }
 
 /* Reads the setting until it has the value. */
@@ -138,13 +140,17 @@ gboolean setting_set(Camera *camera, GPContext *context, const char *name, const
                     "the camera does not let %s be changed from %s to %s; turn its dial to M", name,
                     is ? is : "an unknown value", value);
     if (!fill(widget, name, value, error))
-        return (error && *error) || fail(error, "libgphoto2 does not accept %s = %s", name, value);
+        return (error && *error) || fail(error,
+                                         "libgphoto2 does not accept %s = %s; “gphoto2 "
+                                         "--get-config %s” shows what the setting takes",
+                                         name, value, name);
     while ((code = gp_camera_set_single_config(camera, name, widget, context)) ==
                GP_ERROR_CAMERA_BUSY &&
            g_get_monotonic_time() < deadline_us)
         g_usleep(AGAIN_US);
     if (code < GP_OK)
-        return fail(error, "the camera does not set %s = %s: %s", name, value,
-                    gp_result_as_string(code));
+        return fail(error,
+                    "the camera does not set %s = %s: %s; turn its dial to M, and leave its menu",
+                    name, value, gp_result_as_string(code));
     return await(camera, context, name, value, deadline_us, error);
 }

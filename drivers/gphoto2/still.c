@@ -39,18 +39,19 @@ struct Still {
     Camera *camera; /* NULL if there is no connection */
     char *said;     /* last error message of the library */
     char *model, *serial;
-    GArray *exposures;      /* of struct exposure */
-    GArray *exposures_us;   /* of gint64 */
-    GHashTable *known;      /* paths of the files on the card that are no new pictures */
-    gboolean is_first, raw; /* is_first: it is not known yet whether pictures are raw files */
+    GArray *exposures;    /* of struct exposure */
+    GArray *exposures_us; /* of gint64 */
+    GHashTable *known;    /* paths of the files on the card that are no new pictures */
+    gboolean is_first;    /* no picture was taken yet, so raw is not known */
+    gboolean raw;         /* pictures are raw files */
     /* Difference between the camera's clock and ours, from the first picture. A file that was found
      * on the card is only taken or removed if the camera dates it to the shot, because somebody may
      * have exchanged the card. */
     gint64 clock_us;
     gboolean has_clock;
-    gboolean abandoned;  /* the picture of a shot that was given up may still come */
-    gint64 abandoned_us; /* time of that shot */
-    gint64 abandoned_until_us;
+    gboolean abandoned;        /* the picture of a shot that was given up may still come */
+    gint64 abandoned_us;       /* time of that shot */
+    gint64 abandoned_until_us; /* time until which that picture may come */
     char *stem;        /* name of the last picture without its extension; NULL if there is none */
     gint64 battery_us; /* time of the last look at the battery; 0: look at the next shot */
 };
@@ -280,8 +281,10 @@ static gboolean find_new(Still *still, const char *folder, GArray *to, GError **
     if (code >= GP_OK)
         code = gp_camera_folder_list_folders(still->camera, folder, folders, still->context);
     if (code < GP_OK)
-        return fail(error, "the folder %s of the camera's card cannot be read: %s", folder,
-                    reason(still, code));
+        return fail(
+            error,
+            "the folder %s of the camera's card cannot be read: %s; check the card and the cable",
+            folder, reason(still, code));
     for (int i = 0; i < gp_list_count(names); i++) {
         CameraFilePath path = {0};
         g_strlcpy(path.folder, folder, sizeof path.folder);
@@ -303,7 +306,7 @@ static char *stem_of(const char *name) {
 }
 
 /* Returns whether a new file is the picture of a shot. If the pictures of this camera are raw
- * files, a JPEG is not: it is removed. */
+ * files, removes a JPEG and returns FALSE. */
 static gboolean is_picture(Still *still, const CameraFilePath *path) {
     if (still->is_first || raw_is(path->name) || !still->raw)
         return TRUE;
@@ -321,8 +324,8 @@ static gint64 date_us(Still *still, const CameraFilePath *path) {
     return (gint64)info.file.mtime * G_USEC_PER_SEC;
 }
 
-/* Returns whether a file was made by a shot at begin_us. The first picture has no date to compare
- * with. */
+/* Returns whether a file was made by a shot at begin_us. Returns TRUE for the first picture,
+ * because there is no date to compare with. */
 static gboolean is_of_shot(Still *still, const CameraFilePath *path, gint64 begin_us) {
     if (still->is_first)
         return TRUE;
@@ -639,8 +642,8 @@ static gboolean fail_shot(Still *still, const char *what, GError **error) {
 }
 
 /* Opens the shutter. A camera that is busy refuses the trigger, which is then given again.
- * *ret_begin_us is a time just before the exposure. *ret_lost says that the camera has not
- * answered, so that it may or may not have obeyed. */
+ * *ret_begin_us is a time just before the exposure. If the camera has not answered, sets *ret_lost
+ * and returns TRUE, because the camera may have obeyed. */
 static gboolean trigger(Still *still, const struct still_shot *shot, gint64 latest_us,
                         gint64 *ret_begin_us, gboolean *ret_lost, GError **error) {
     CameraFilePath path;
@@ -753,7 +756,8 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
         File *file = NULL;
         const int fd = open(to, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
         if (fd < 0)
-            return fail(error, "the file %s cannot be written: %s", to, g_strerror(errno));
+            return fail(error, "the file %s cannot be written: %s; free space there", to,
+                        g_strerror(errno));
         gp_file_new_from_fd(&file, fd);
         begin_call(still);
         const int code = gp_camera_file_get(still->camera, from->folder, from->name,
@@ -763,8 +767,8 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
             return TRUE;
         g_autofree char *what = g_strdup(reason(still, code));
         if (i > 0)
-            return fail(error, "%s/%s cannot be copied from the camera: %s", from->folder,
-                        from->name, what);
+            return fail(error, "%s/%s cannot be copied from the camera: %s; check the cable",
+                        from->folder, from->name, what);
         g_printerr("mesorig-gphoto2: %s/%s: %s; trying again\n", from->folder, from->name, what);
         g_autoptr(GArray) unused = look_again(still, 0, error);
         if (!unused)
@@ -844,7 +848,10 @@ gboolean still_list(GError **error) {
     gp_port_info_list_new(&ports);
     const int code = gp_port_info_list_load(ports);
     if (code < GP_OK)
-        return fail(error, "libgphoto2 cannot search the ports: %s", gp_result_as_string(code));
+        return fail(error,
+                    "libgphoto2 cannot search the ports: %s; check that the package "
+                    "libgphoto2-port12 is installed",
+                    gp_result_as_string(code));
     g_autoptr(Names) found = detect(still, ports);
     for (int i = 0; i < gp_list_count(found); i++) {
         const char *port = found_port(found, i);
