@@ -45,7 +45,9 @@ struct modbus_axis {
     int n_commands;   /* commands without an answer yet */
     int last_command; /* tag of the last command */
     int n_unheard;    /* polls in a row that were not answered */
-    gboolean polling, faulty, left_home, was_still;
+    gboolean polling, faulty;
+    gboolean left_home; /* since homing began, the drive has moved or was without a reference */
+    gboolean was_still; /* the drive stood in the last poll of a stop */
     gint64 target_steps, steps;
     double speed_deg_s; /* value of the drive's speed register */
     /* still_us: time of the last command or of the last poll that saw a motion. progress_us:
@@ -200,8 +202,10 @@ static void check_writes(const struct config_section *section, const char *key, 
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
                        "must not be empty; write ADDRESS=VALUE");
     if (g_strv_length((char **)writes) > MAX_WRITES)
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "has more than %d writes",
-                       MAX_WRITES);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                       "has %u writes, but at most %d are possible; write consecutive registers as "
+                       "ADDRESS=VALUE,VALUE",
+                       g_strv_length((char **)writes), MAX_WRITES);
     for (; *writes; writes++)
         if (!parse_write(*writes, &request))
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
@@ -509,8 +513,9 @@ static void axis_check_range(const struct config_section *section, const char *k
                              int bits, Mistakes *mistakes) {
     if (fabs(value) > (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                       "the value for the drive, %.0f, does not fit into %s bits", value,
-                       bits_choices[bits]);
+                       "the value for the drive, %.0f, does not fit into %s bits; write a smaller "
+                       "scale, or more bits for the register",
+                       value, bits_choices[bits]);
 }
 
 static void axis_check(gconstpointer given, const struct config_section *section,

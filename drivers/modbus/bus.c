@@ -326,10 +326,10 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
     g_mutex_unlock(&bus->mutex);
     if (!done) {
         g_atomic_int_set(&task->cancelled, TRUE);
-        device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                         "%s unit %d: the line was busy for too long" ERROR_ADVICE
-                         "check its cable",
-                         bus->link.bus, link->unit);
+        device_error_set(
+            error, DEVICE_ERROR_TIMEOUT, NULL,
+            "%s unit %d: the line was busy for more than %.1f s" ERROR_ADVICE "check its cable",
+            bus->link.bus, link->unit, (double)(task->limit_us + EXTRA_WAIT_US) * 1e-6);
     } else if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
         done = FALSE;

@@ -198,9 +198,11 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
             if (last)
                 g_propagate_error(error, g_steal_pointer(&last));
             else
-                device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "there is no connection to %s; the next attempt follows later",
-                                 line->link.bus);
+                device_error_set(
+                    error, DEVICE_ERROR_DISCONNECTED, NULL,
+                    "there is no connection to %s; the next attempt follows later" ERROR_ADVICE
+                    "check the device's power and cable",
+                    line->link.bus);
             return FALSE;
         }
         if (line->next_attempt_us > now)
