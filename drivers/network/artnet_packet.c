@@ -7,7 +7,7 @@
 #define OP_DMX        0x5000
 #define VERSION       14
 
-#define MIN_REPLY 207 /* of Art-Net 1, without BindIndex */
+#define MIN_REPLY 207 /* bytes of a reply of Art-Net 1, which has no BindIndex */
 
 static const char id[8] = "Art-Net";
 

@@ -14,8 +14,8 @@
 struct command {
     int index; /* -1: all lamps */
     gboolean on;
-    int n_sent;
-    gint64 begun_us, sent_us; /* sent_us: of the last of these frames */
+    int n_sent;               /* number of frames that were sent with its levels, up to DMX_SENDS */
+    gint64 begun_us, sent_us; /* sent_us: time of the last of these frames */
     gboolean ended;           /* the result is to be reported */
     gboolean waited_for;      /* by a function, so nothing is reported */
     GError *error;
@@ -170,7 +170,7 @@ static gboolean any_waits(const struct dmx *dmx) {
     return FALSE;
 }
 
-/* Returns whether a command was followed by another command to the lamp. */
+/* Returns whether no later command than this one covers lamp i. */
 static gboolean is_last(const struct dmx *dmx, const struct command *command, int i) {
     for (const GList *l = dmx->commands.tail; l; l = l->prev)
         if (covers(l->data, i))

@@ -24,14 +24,16 @@ struct dmx_protocol {
     const char *name; /* "Art-Net" */
     int min_universe, max_universe;
     /* Returns the name of what the i-th universe occupies, for driver_info.needs and for the lock.
-     * Returns NULL if that is what an earlier universe occupies. g_free() */
+     * Returns NULL if that is what an earlier universe occupies. The caller frees it with g_free().
+     */
     char *(*unit)(const struct dmx *dmx, int i);
     /* Sends the levels of the i-th universe. */
     gboolean (*send)(struct dmx *dmx, int i, GError **error);
     /* Takes what has arrived, and sends what the protocol needs besides levels. urgent is TRUE if
      * a command waits for a newer alive_us(); lit is TRUE if a lamp is lit. */
     void (*look)(struct dmx *dmx, gboolean urgent, gboolean lit);
-    /* Returns the last time at which the receivers are known to have been there. */
+    /* Returns the last time at which the receivers are known to have been there, G_MININT64 if they
+     * were never heard. */
     gint64 (*alive_us)(const struct dmx *dmx);
     /* Returns why the receivers do not obey, as of alive_us(), or NULL. */
     GError *(*fault)(const struct dmx *dmx);
@@ -56,7 +58,7 @@ struct dmx {
     GQueue commands;  /* of struct command, in order */
     guint8 *states;   /* of each lamp: enum dmx_state */
     int n_burst;      /* frames that are still to be sent in fast succession */
-    gint64 sent_us;
+    gint64 sent_us;   /* time when the frames were last sent */
     guint timer;
     GError *lost; /* to be reported */
 };

@@ -68,7 +68,9 @@ static GError *refusal(const struct dmx *dmx, int why) {
                             receiver_name(dmx), g_strerror(why));
 }
 
-/* Sends a packet. A report about an earlier packet comes instead of sending; it is noted. */
+/* Sends a packet. If the network has reported a failure of an earlier packet, the first attempt
+ * only returns that report, so the packet is sent again. Returns 0, or the errno of that second
+ * attempt. */
 static int send_packet(struct sacn_lamps *lamps, int i, gboolean ends) {
     struct dmx *dmx = &lamps->dmx;
     guint8 packet[SACN_SIZE];

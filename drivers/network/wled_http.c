@@ -80,7 +80,8 @@ static gboolean ask(WledHttp *http, struct wled_answer *answer, GError **error) 
         return FALSE;
     if (soup_message_get_status(message) != SOUP_STATUS_OK)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it answers with the HTTP status %d" ERROR_ADVICE "check address",
+                                "it answers with the HTTP status %d instead of 200" ERROR_ADVICE
+                                "check address and http_port",
                                 (int)soup_message_get_status(message));
     return wled_answer_read(text, (gssize)n, answer, error);
 }
@@ -91,9 +92,11 @@ static gpointer run(gpointer data) {
     while ((answer = g_async_queue_pop(http->requests))->asked_us != G_MAXINT64) {
         if (!ask(http, answer, &answer->error) && answer->error->domain != DEVICE_ERROR) {
             g_autoptr(GError) failed = g_steal_pointer(&answer->error);
-            answer->error = device_error_new(
-                DEVICE_ERROR_TIMEOUT, NULL,
-                "%s" ERROR_ADVICE "check its power, its network and address", failed->message);
+            answer->error =
+                device_error_new(DEVICE_ERROR_TIMEOUT, NULL,
+                                 "its state cannot be read by HTTP: %s" ERROR_ADVICE
+                                 "check its power, its network and address, and http_port",
+                                 failed->message);
         }
         g_async_queue_push(http->answers, answer);
     }
