@@ -219,9 +219,11 @@ gboolean program_camera_open(Camera *camera, GError **error) {
     g_autoptr(GError) why = NULL;
     priv->folder = g_dir_make_tmp("mesorig-program-XXXXXX", &why);
     if (!priv->folder)
-        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                                "the folder for the pictures of its program cannot be made: %s",
-                                why->message);
+        return device_error_set(
+            error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
+            "the folder for the pictures of its program cannot be made: %s" ERROR_ADVICE
+            "free space in the folder for temporary files",
+            why->message);
     priv->program = program_new(&priv->command, &camera->device, priv->folder, error);
     if (priv->program)
         return TRUE;

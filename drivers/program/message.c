@@ -50,7 +50,9 @@ static gboolean take(JsonObject *object, struct message *ret, GError **error) {
     const char *values = id ? "result" : "params";
     if (id && json_node_get_int(id) < 1)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "answered a request that does not exist");
+                                "answered the request %" G_GINT64_FORMAT
+                                ", but requests are numbered from 1",
+                                json_node_get_int(id));
     if (!id && !is_event && !failure)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "sent a message that is neither an answer nor an event");

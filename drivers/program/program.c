@@ -144,12 +144,14 @@ static void on_deadline(gpointer data) {
                               name_of(program), call->method, call->timeout_ms));
         return;
     }
-    g_autoptr(GError) error =
-        device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who, "%s %s%s", name_of(program),
-                         program->state == READY    ? "is still busy with another request"
-                         : program->state == ENDING ? "was killed, and does not end"
-                                                    : "has not started yet",
-                         program->state == ENDING ? ERROR_ADVICE "unplug its device" : "");
+    g_autoptr(GError) error = device_error_new(
+        DEVICE_ERROR_TIMEOUT, program->device->who, "%s %s%s", name_of(program),
+        program->state == READY    ? "is still busy with another request"
+        : program->state == ENDING ? "was killed, and does not end"
+                                   : "has not started yet",
+        program->state == READY    ? ""
+        : program->state == ENDING ? ERROR_ADVICE "unplug its device"
+                                   : ERROR_ADVICE "give it more time with start_s");
     g_queue_remove(&program->waiting, call);
     end_call(call, NULL, error);
 }
@@ -384,8 +386,9 @@ static void take_line(Program *program, const char *line, gsize length) {
         take_event(program, &message);
     else if (message.id == 0)
         fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
-                                       "%s could not read a request: %s", name_of(program),
-                                       message.failure));
+                                       "%s could not read a request: %s" ERROR_ADVICE
+                                       "see docs/build-a-rig/programs.md for the form of a request",
+                                       name_of(program), message.failure));
     else
         take_answer(program, &message);
     message_clear(&message);
@@ -406,9 +409,11 @@ static void take_lines(Program *program) {
     }
     if (!program->closed && program->process.pid == pid && program->state != ENDING &&
         bytes->len > MESSAGE_MAX)
-        fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
-                                       "%s sent a line of more than %d bytes; it was ended",
-                                       name_of(program), MESSAGE_MAX));
+        fail(program,
+             device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
+                              "%s sent a line of more than %d bytes; it was ended" ERROR_ADVICE
+                              "end each message with a line feed",
+                              name_of(program), MESSAGE_MAX));
 }
 
 /* Reads at most READ_SIZE bytes of the output, so that a program that never stops writing does
@@ -504,7 +509,9 @@ static void on_hello(struct call *call, JsonObject *values, const GError *error)
     g_autofree char *class_name = message_text(values, "class");
     if (message_integer(values, "version", 1, MESSAGE_VERSION, &version, &wrong) &&
         !g_str_equal(class_name, program->device->info->class_name))
-        wrong = device_error_new(DEVICE_ERROR_PROTOCOL, NULL, "is of the class “%s”, not “%s”",
+        wrong = device_error_new(DEVICE_ERROR_PROTOCOL, NULL,
+                                 "is of the class “%s”, not “%s”" ERROR_ADVICE
+                                 "name another program, or move it to a section of its own class",
                                  class_name, program->device->info->class_name);
     if (!wrong)
         return;
