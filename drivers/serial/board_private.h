@@ -93,7 +93,7 @@ struct GcodeBoard {
     char firmware[64];
 
     /* The rest is used by the dialects. */
-    int stage;                 /* of the phase */
+    int stage;                 /* enum stage of the dialect */
     gint64 stage_us, until_us; /* beginning and deadline of the stage */
     int n_final;               /* number of reports so far that show the end of a motion */
 
@@ -169,5 +169,6 @@ double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
 double gcode_board_brake_s(const GcodeBoard *board);
 /* Returns whether a client is watched. */
 gboolean gcode_board_is_watched(const GcodeBoard *board);
-/* Returns a new error which says that the board has not answered for ms. */
+/* Returns a new error which says that the board has halted itself, has sent only noise while it was
+ * greeted, or has not answered for ms. */
 GError *gcode_board_silence(const GcodeBoard *board, double ms);

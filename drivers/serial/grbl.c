@@ -113,7 +113,7 @@ static void start(GcodeBoard *board) {
     }
     board->n_before = board->n_at;
     memcpy(board->before, board->at, sizeof board->before);
-    /* A board that is locked, holds or sleeps takes no "$H". The reset makes sure that it does. */
+    /* A board that is locked, holds or sleeps refuses "$H" until it is reset. */
     board->held = FALSE;
     begin_reset(board);
 }
@@ -158,8 +158,9 @@ static gboolean is_other_state(GcodeBoard *board, const struct gcode_report *rep
     return board->n_other >= N_OTHER;
 }
 
-/* Ends the request with an error if the state shows that something other than this program acts on
- * the board. Returns whether it does. */
+/* Ends the request with an error if the state shows that the motion was stopped by something other
+ * than this program, such as an alarm, a button or a door. Returns whether the request has ended.
+ */
 static gboolean is_disturbed(GcodeBoard *board, const struct gcode_report *report) {
     g_autofree char *words = NULL;
     if (report->state != GCODE_OTHER)

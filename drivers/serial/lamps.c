@@ -492,7 +492,9 @@ static gboolean ask(struct serial_lamps *lamps, enum lamp_request what, GError *
         if (lamps->fd < 0 && !request->ended)
             end(lamps, request,
                 device_error_new(DEVICE_ERROR_DISCONNECTED, lamps->bank->device.who,
-                                 "%s: the port was closed before the answer came", lamps->port));
+                                 "%s: the port was closed before the answer came" ERROR_ADVICE
+                                 "plug the LED controller in again",
+                                 lamps->port));
     }
     g_queue_remove(&lamps->requests, request);
     const gboolean ok = !request->error;
