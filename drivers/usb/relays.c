@@ -32,9 +32,9 @@ struct board {
     int refs;
     char *who, *serial, *path;
     UsbDevice *usb; /* NULL if it is unplugged */
-    int n;
-    GList *jobs;  /* jobs that have not ended */
-    GList *users; /* struct usb_relays of the open devices on the board */
+    int n;          /* number of relays */
+    GList *jobs;    /* jobs that have not ended */
+    GList *users;   /* struct usb_relays of the open devices on the board */
 };
 
 /* State of a lamp bank or a laser: its relays on a board. */

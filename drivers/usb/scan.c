@@ -86,7 +86,9 @@ gboolean usb_scan(GPtrArray *to, GError **error) {
         return TRUE; /* a machine or container without USB */
     if (code)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                                "USB devices cannot be listed: %s", libusb_strerror(code));
+                                "USB devices cannot be listed: %s" ERROR_ADVICE
+                                "check that this user may read /dev/bus/usb",
+                                libusb_strerror(code));
     gssize n = libusb_get_device_list(context, &all);
     for (gssize i = 0; i < n; i++)
         add_device(all[i], to);

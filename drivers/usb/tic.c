@@ -85,8 +85,8 @@ struct tic {
     /* n_started: number of starts. n_asked: value of n_started when the last poll was sent. If
      * they differ, the poll is older than the last start and proves nothing. */
     int n_started, n_asked;
-    int n_commands;
-    GList *sent; /* of struct sent: requests without an answer yet */
+    int n_commands; /* number of commands so far */
+    GList *sent;    /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
     /* fed_us: time of the last reset of the command timeout. unfed_us: longest time without a
      * reset since the last start. */
@@ -275,7 +275,9 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     gboolean late = clock_now_us(axis->device.clock) > tic->start_us + GRACE_US;
     gboolean up = tic->target_deg > tic->position_deg;
-    g_autofree char *errors = g_strdup_printf("error status 0x%04x", status->errors);
+    g_autofree char *errors = g_strdup_printf("it reports the error status 0x%04x" ERROR_ADVICE
+                                              "look it up in the manual of the Tic",
+                                              status->errors);
     const char *why = NULL;
     if (!status->errors && status->state == STATE_NORMAL) {
         tic->was_well = TRUE;
@@ -462,7 +464,9 @@ static gboolean tic_turn(Axis *axis, double target_deg, double speed_deg_s, GErr
     if (fabs(steps) > MAX_STEPS)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
+            "%g° is %.0f microsteps from 0, and the Tic counts to %.0f" ERROR_ADVICE
+            "home the axis again",
+            target_deg, steps, MAX_STEPS);
     tic->n_commands++;
     if (!send(axis, EXIT_SAFE_START, 0, error) || !tic_set_speed(axis, speed_deg_s, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))

@@ -397,7 +397,8 @@ static gboolean usb_claim(UsbDevice *usb, const struct usb_match *match, GError 
     if (number < 0)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, usb->who,
                                 "has no interface of the kind this driver speaks to; it is another "
-                                "device, or it is in its bootloader");
+                                "device, or it is in its bootloader" ERROR_ADVICE
+                                "check serial and path, and plug the device in again");
     if (!lock_device(usb, error))
         return FALSE;
     libusb_set_auto_detach_kernel_driver(usb->handle, 1);
