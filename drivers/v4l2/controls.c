@@ -108,9 +108,11 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
         (!hidden && video_ioctl(node, VIDIOC_G_CTRL, &is) < 0))
         return video_set_error(error, node, errno, what);
     return hidden || is.value == value ||
-           device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who,
-                            "%s: %s was set to %" G_GINT64_FORMAT ", but is %d", node->path, name,
-                            value, is.value);
+           device_error_set(
+               error, DEVICE_ERROR_PROTOCOL, node->who,
+               "%s: %s was set to %" G_GINT64_FORMAT ", but is %d" ERROR_ADVICE
+               "choose a value that the camera keeps, and end other programs that use the camera",
+               node->path, name, value, is.value);
 }
 
 /* Converts a name as v4l2-ctl does: "White Balance, Automatic" becomes white_balance_automatic. */

@@ -50,6 +50,13 @@ static gboolean load_check_link(const char *link, const struct video_load *new, 
     if (sum <= most)
         return TRUE;
     g_autofree char *name = g_path_get_basename(link);
+    if (who->len == 0)
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, new->who,
+                                "it sends %.1f MB/s, more than the %.1f MB/s that the USB link %s "
+                                "of %.0f Mbit/s carries" ERROR_ADVICE
+                                "lower frame_rate, choose a format of fewer bytes or smaller "
+                                "frames, or plug the camera into a faster port",
+                                sum, most, name, speed);
     return device_error_set(
         error, DEVICE_ERROR_UNSUPPORTED, new->who,
         "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "

@@ -10,8 +10,9 @@
 struct video_load; /* the load of one camera */
 
 /* Adds the load of a camera. Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it
- * can. The error names the link, the cameras on it and their loads. sysfs is the folder of the
- * device. If it is NULL or not on USB, nothing is counted and *ret is NULL. */
+ * can. The error names the link, the cameras on it and the sum of their loads. mb_s is in 10⁶ bytes
+ * per second. sysfs is the folder of the device. If it is NULL or not on USB, nothing is counted
+ * and *ret is NULL. */
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */

@@ -40,15 +40,16 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
         {ENOSPC, DEVICE_ERROR_UNSUPPORTED,
          "the USB bus has no bandwidth left for it" ERROR_ADVICE
          "lower frame_rate, make frames smaller, or plug it into another controller"},
-        {ENOTTY, DEVICE_ERROR_UNSUPPORTED, "it cannot do that"},
+        {ENOTTY, DEVICE_ERROR_UNSUPPORTED, "it cannot do that" ERROR_ADVICE "use another camera"},
     };
     const char *path = node->path ? node->path : "the camera";
     for (gsize i = 0; i < G_N_ELEMENTS(known); i++)
         if (known[i].code == code)
             return device_error_set(error, known[i].error, node->who, "%s %s: %s", path, what,
                                     known[i].advice);
-    return device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who, "%s %s: %s", path, what,
-                            g_strerror(code));
+    return device_error_set(error, DEVICE_ERROR_PROTOCOL, node->who,
+                            "%s %s: %s" ERROR_ADVICE "unplug the camera, and plug it in again",
+                            path, what, g_strerror(code));
 }
 
 gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,

@@ -49,7 +49,8 @@ static gboolean choose_format(const struct video_node *node, const char *name,
                            "mono, YUYV and UYVY formats can be used for measuring",
                      name, list->len ? list->str : "no format");
     else if (!*ret && offered->len == 0)
-        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node, "offers no format");
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                     "offers no format" ERROR_ADVICE "use another camera");
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                      "offers only %s, which cannot be used for measuring; a camera with a Bayer, "
@@ -70,10 +71,10 @@ static gboolean stream_check_format(const struct video_node *node,
         pix->fourcc != setup->format->fourcc ||
         pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
         pix->stride > 65536 * 16)
-        return video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, node,
-            "answered with %u × %u pixels in rows of %u bytes for format %s, which is impossible",
-            pix->width, pix->height, pix->stride, name);
+        return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                            "answered with %u × %u pixels in rows of %u bytes for format %s, which "
+                            "is impossible" ERROR_ADVICE "choose another format",
+                            pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "spreads a frame of format %s over %u planes of memory; only formats "
@@ -161,7 +162,8 @@ static gboolean map_buffer(struct video_stream *stream, const struct video_node 
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
     if (length < bytes)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "has buffers of %u bytes, too small for a frame of %" G_GSIZE_FORMAT,
+                            "has buffers of %u bytes, but a frame has %" G_GSIZE_FORMAT
+                            " bytes" ERROR_ADVICE "choose another format",
                             length, bytes);
     guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
     if (data == MAP_FAILED)
@@ -181,9 +183,11 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
     *stream = (struct video_stream){0};
     if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0)
         return video_set_error(error, node, errno, "gave no buffers");
-    gboolean ok =
-        request.count >= 2 || video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                                           "gave %u buffers, too few to stream", request.count);
+    gboolean ok = request.count >= 2 ||
+                  video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                               "gave %u buffers, but 2 are needed to stream" ERROR_ADVICE
+                               "make frames smaller, or end other programs that use cameras",
+                               request.count);
     for (guint32 i = 0; ok && i < MIN(request.count, VIDEO_BUFFERS); i++)
         ok = map_buffer(stream, node, i, setup->bytes, error);
     if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0)
