@@ -28,9 +28,9 @@ enum calibration_kind {
 
 struct calibration_part {
     gboolean done;
-    char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
-    char *method; /* one line */
-    double residual_rms;
+    char *date;          /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
+    char *method;        /* one line */
+    double residual_rms; /* RMS of the residuals after the fit, in residual_unit */
     /* The RMS of the residuals that the noise of the data alone would cause, in residual_unit,
      * or 0 if it is not known. */
     double residual_expected;

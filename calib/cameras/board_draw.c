@@ -123,7 +123,8 @@ gboolean board_draw(const struct board *board, const char *path,
                     "pixels; give fewer",
                     path, drawing->pixels_a_mm, MAX_PIXELS);
     else if ((status = draw_all(board, path, drawing)) != CAIRO_STATUS_SUCCESS)
-        g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
+        g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO,
+                    "%s: cannot be written: %s; check that the folder exists and has space", path,
                     cairo_status_to_string(status));
     else
         return TRUE;

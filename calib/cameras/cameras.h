@@ -115,7 +115,7 @@ struct cameras_result {
     GArray *residuals; /* struct cameras_residual */
     GArray *stops;     /* struct cameras_stop */
     GArray *lays;      /* struct cameras_lay */
-    double rms_px;
+    double rms_px;     /* RMS length of the residuals */
     /* Only with photographs: the robust RMS error with which each lens model predicts corners that
      * it was not fitted to (cross-validation). 0 if the model was not tried or could not be
      * fitted. */

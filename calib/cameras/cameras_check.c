@@ -209,10 +209,11 @@ static gboolean check_lens(const struct cameras_work *work, GError **error) {
                               "different tilts before the camera, up to 45°",
                               most);
     return focal < MAX_DISTANCE ||
-           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "the photographs determine the focal length only to %.2g %%: take more "
-                          "photographs, with larger tilts of the board",
-                          100 * focal);
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "the photographs determine the focal length only to %.2g %%, and less than %g %% is "
+               "needed: take more photographs, with larger tilts of the board",
+               100 * focal, 100 * MAX_DISTANCE);
 }
 
 static double rms_px(const struct cameras_work *work) {
@@ -242,11 +243,12 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
         const struct bundle_camera *camera = &work->bundle.cameras[c];
         const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
         if (!(distance < MAX_DISTANCE))
-            return cameras_refuse(
-                error, CAMERAS_ERROR_PICTURES,
-                "camera %s: the pictures determine the camera's distance only to %.2g %%: take "
-                "more pictures, with the board at larger tilts and in all parts of the picture",
-                work->nominal.cameras[c].name, 100 * distance);
+            return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                                  "camera %s: the pictures determine the camera's distance only to "
+                                  "%.2g %%, and less than %g %% is needed: take more pictures, "
+                                  "with the board at larger tilts and in all parts of the picture",
+                                  work->nominal.cameras[c].name, 100 * distance,
+                                  100 * MAX_DISTANCE);
     }
     return check_scale(work, error);
 }

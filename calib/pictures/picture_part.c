@@ -45,11 +45,18 @@ gboolean picture_part_can(const char *path, int *ret_width, int *ret_height) {
 static void on_error(png_structp png, png_const_charp text) {
     struct part_reading *reading = png_get_error_ptr(png);
     if (!reading->why)
-        reading->why = g_strdup(text);
+        reading->why = g_strdup_printf("%s; copy the file again", text);
     png_longjmp(png, 1);
 }
 
 static void on_warning(png_structp png, png_const_charp text) {
+}
+
+/* Ends the decoding with this error. */
+G_NORETURN static void give_up(png_structp png, const char *why) {
+    struct part_reading *reading = png_get_error_ptr(png);
+    reading->why = g_strdup(why);
+    png_longjmp(png, 1);
 }
 
 /* Decodes the rows. libpng may leave this function with longjmp(), so all memory is owned by
@@ -70,11 +77,11 @@ static gboolean decode_rows(png_structp png, png_infop info, struct part_reading
     reading->bits = png_get_bit_depth(png, info);
     reading->pixel = (gsize)reading->channels * (gsize)reading->bits / 8;
     if (row > MAX_ROW)
-        png_error(png, "a row needs more than 64 MiB");
+        give_up(png, "a row needs more than 64 MiB; cut the picture into narrower ones");
     reading->row = g_malloc(row);
     reading->rows = g_try_malloc0_n((gsize)part->width * (gsize)part->height, reading->pixel);
     if (!reading->rows)
-        png_error(png, "there is too little memory for this part");
+        give_up(png, "there is too little memory for this part; close other programs");
     const gsize bytes = (gsize)part->width * reading->pixel;
     for (int y = 0; y < part->y + part->height; y++) {
         png_read_row(png, reading->row, NULL);
@@ -141,7 +148,8 @@ gboolean picture_part_read(const char *path, const struct picture_part *part,
     else
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
                     "%s: rows %d to %d cannot be read: %s", path, part->y,
-                    part->y + part->height - 1, reading.why ? reading.why : "no memory");
+                    part->y + part->height - 1,
+                    reading.why ? reading.why : "there is too little memory; close other programs");
     if (!good)
         picture_says_clear(&ret->says);
     g_free(reading.row);

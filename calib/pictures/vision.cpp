@@ -328,7 +328,8 @@ gboolean vision_start_camera(const double *const *points, const int *n, int n_vi
         ret_focal_px[1] = camera.at<double>(1, 1);
         if (std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0)
             return true;
-        throw std::runtime_error("the focal length is not a number above 0");
+        throw std::runtime_error("the focal length is not a number above 0; "
+                                 "photograph the board at other tilts");
     });
 }
 

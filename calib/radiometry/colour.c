@@ -131,12 +131,20 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
         sum += off * off / n;
     }
     found.residual = sqrt(sum);
-    if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MAX_OFF)) {
+    if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0)) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+                    "by the measured colours of the patches, equal red, green and blue have an XYZ "
+                    "that is not above 0; check that the file belongs to this chart, and that the "
+                    "chart lies as the file says");
+        return FALSE;
+    }
+    if (!(found.residual < MAX_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the measured colours of the patches differ from the chart's values by %.1f "
-                    "ΔE*ab (RMS); check that the file belongs to this chart, and that the chart "
+                    "ΔE*ab (RMS), and less than %g is needed; check that the file belongs to this "
+                    "chart, and that the chart "
                     "lies as the file says",
-                    found.residual);
+                    found.residual, MAX_OFF);
         return FALSE;
     }
     *ret = found;
