@@ -37,7 +37,7 @@ static gboolean read_world(const char *text, const char *path, GError **error) {
 /* As many lines as before, so that mistakes do not move each other. */
 struct mistake {
     const char *from, *to;
-    const char *at;   /* the line that is told begins with this; NULL: the first line of to */
+    const char *at;   /* the reported line begins with this; NULL: the first line of to */
     const char *says; /* among other words */
 };
 
@@ -157,7 +157,7 @@ TEST(world) {
     check_kind("world.conf", read_world, world_mistakes, G_N_ELEMENTS(world_mistakes));
 }
 
-/* Each makes something else seem to be missing, which is not told. */
+/* Each mistake makes something else seem to be missing, which must not be reported. */
 TEST(consequences) {
     static const struct {
         const char *kind;
@@ -251,8 +251,8 @@ static char *mutated(const char *text) {
     return g_strjoinv("\n", lines);
 }
 
-/* Whatever is in a file: the number told is that of the lines told, these are in order, no two are
- * the same, and all of it is UTF-8. */
+/* For any contents of a file, the stated number is that of the reported lines, these are in order,
+ * no two are equal, and the whole text is UTF-8. */
 TEST(mutations) {
     static const struct {
         const char *kind;
@@ -298,7 +298,7 @@ TEST(mutations) {
     }
 }
 
-/* Copies of the error, as GTask and D-Bus make them, tell all as well. */
+/* Copies of the error, as GTask and D-Bus make them, also have all mistakes. */
 TEST(error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(GError) error = NULL;

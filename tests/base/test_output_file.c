@@ -283,7 +283,7 @@ TEST(moves) {
     g_assert_false(g_file_test(in_top("folder"), G_FILE_TEST_EXISTS));
 }
 
-/* The same where renames cannot be told not to replace anything; with and without hard links. */
+/* The same on file systems on which a rename always replaces; with and without hard links. */
 static gpointer moves_bare(gpointer links) {
     struct new_file file;
     refusing_begin(GPOINTER_TO_INT(links));
@@ -307,7 +307,8 @@ TEST(bare) {
         g_thread_join(g_thread_new("bare", moves_bare, GINT_TO_POINTER(links)));
 }
 
-/* Each format with room for its kind is known again, and still what it was to its readers. */
+/* A file of each format that can store its kind is recognised, and its readers read it as before.
+ */
 static void written_as(OutputFile *file, const char *kind, gboolean ok, GError *error) {
     g_assert_no_error(error);
     g_assert_true(ok(output_file_end(file, ok, ERR)));

@@ -133,7 +133,7 @@ static gboolean write_rows(const struct btf_matrix *btf) {
     return file && fclose(file) == 0 && ok;
 }
 
-/* How long each stage took, told apart by what it says of its progress. */
+/* The time of each stage. The text of the progress tells which stage runs. */
 #define MAX_STAGES 8
 struct stages {
     double last;

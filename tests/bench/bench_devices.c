@@ -23,7 +23,7 @@ struct result {
     struct bench_times raw, line, start; /* µs */
 };
 
-/* In turns, so that whatever else the machine does falls on both. */
+/* Alternately, so that other work of the machine affects both. */
 static void time_both(modbus_t *raw, ModbusBus *bus, const struct modbus_link *link,
                       struct result *ret) {
     static double raw_us[ROUNDS], line_us[ROUNDS];

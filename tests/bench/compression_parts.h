@@ -17,8 +17,8 @@ gboolean bench_fill(struct btf_matrix *btf, BenchValue value, GError **error);
 
 double bench_peak_mib(void); /* resident memory of this process at most so far */
 
-/* Eigen-maps of a BTF in a file of halves, of which only so many columns (views) may be in memory:
- * the exact way against the randomised one. */
+/* Eigen-maps of a BTF in a file of half floats, with a limited number of columns (views) in memory:
+ * compares the exact way with the randomised one. */
 int bench_eigenmaps(struct btf_matrix *like, BenchValue value, int columns);
 
 /* Models of a texel: errors of reflectance fields, polynomials and Lafortune models (Meseth et al.

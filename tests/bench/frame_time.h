@@ -8,16 +8,17 @@
 #include <string.h>
 #include <time.h>
 
-/* Microseconds: of the processor where that draws, so that other programs do not count. */
+/* Time in microseconds. If the CPU draws, this is CPU time, so that other programs do not count. */
 static double now_us(void) {
     if (strstr(gpu_renderer(), "llvmpipe"))
         return (double)clock() * 1e6 / CLOCKS_PER_SEC;
     return (double)g_get_monotonic_time();
 }
 
-/* Median milliseconds a frame of each view, camera and light moving; frame by frame in turns, so
- * that whatever else the machine does falls on all. settings: one for each view. ret_times: median
- * of how many times as long each takes as the last of them for the same frame; or NULL. */
+/* Median milliseconds per frame of each view, while camera and light move. The views are drawn
+ * alternately, frame by frame, so that other work of the machine affects all of them. settings: one
+ * for each view. ret_times: median of how many times as long each takes as the last of them for the
+ * same frame; or NULL. */
 static inline gboolean time_in_turns(Viewer *const *viewers, const struct viewer_settings *settings,
                                      int n, int frames, double *ret_ms, double *ret_times,
                                      GError **error) {

@@ -257,7 +257,7 @@ TEST(shaken) {
     g_assert_cmpfloat(part->residual_expected, ==, result->expected_px);
 }
 
-/* The lens only, from pictures that are said to be photographs of a board held anyhow. */
+/* Only the lens, from pictures that are treated as photographs of a board in unknown poses. */
 /* A chessboard whose first square has the other colour than said is taken upside down. Markers tell
  * up from down themselves, so a board of them may lie half a turn from the nominal azimuths. */
 TEST(board_azimuth) {

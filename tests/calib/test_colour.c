@@ -24,7 +24,7 @@ TEST(difference) {
     g_assert_cmpfloat_with_epsilon(colour_difference(white, bluer, white), 10, 1e-9);
 }
 
-/* Errors of 1 % of every reading: the matrix to within what its errors promise. */
+/* With errors of 1 % in every reading, the matrix is right within its error bars. */
 TEST(matrix) {
     double chi2 = 0;
     g_autoptr(GRand) random = g_rand_new_with_seed(5);

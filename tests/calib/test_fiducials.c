@@ -95,7 +95,7 @@ static void offsets_add(struct offsets *to, const struct fiducial_seen *s) {
     to->n++;
 }
 
-/* Where they are, to a small part of a pixel, and what they show of each lamp's output. */
+/* Fiducials are found to a small part of a pixel, and they show the output of each lamp. */
 TEST(found) {
     struct offsets offsets = {0};
     double output = 0;

@@ -207,8 +207,8 @@ TEST(two_highlights) {
     assert_right(out, "two.png", lamps[0].at);
 }
 
-/* Off by up to 3 % the circle is put right, by more it is refused; where no outline is to be seen,
- * a highlight next to the circle tells. */
+/* A circle that is wrong by up to 3 % is corrected, and a worse one is refused. If no outline is
+ * visible, a highlight outside of the circle shows the mistake. */
 TEST(wrong_circle) {
     const struct xyz truth = polar(50, 120);
     const struct lamp lamp = {truth, FALSE, 3, 20};

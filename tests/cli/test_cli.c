@@ -145,7 +145,7 @@ static void assert_written(const char *name, const char *help) {
         g_error("%s: its help is not written yet: %s", name, help);
 }
 
-/* A driver or codec that was made by contrib/ has a help of its own. */
+/* A driver or codec that a script of contrib/ has made has its own help. */
 TEST(no_todo) {
     const struct driver_info *driver;
     for (gsize i = 0; codecs[i]; i++)
@@ -349,7 +349,8 @@ TEST(control) {
     g_assert_cmpint(count, >, 0);
 }
 
-/* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
+/* An output that could not be written is an error for each kind of output: of a command, its JSON,
+ * its help. */
 TEST(output_full) {
     static const char *const lines[] = {"drivers", "drivers --json", "--help", "--version",
                                         "drivers --help"};
@@ -364,7 +365,7 @@ TEST(output_full) {
     }
 }
 
-/* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
+/* In a locale that lacks some letters, messages stay readable and JSON stays UTF-8. */
 TEST(plain_letters) {
     struct output output = {0};
     g_setenv("LC_ALL", "C", TRUE);

@@ -226,7 +226,7 @@ static void check_refuses(const struct writer *writer) {
     g_assert_cmpint(g_rmdir(folder), ==, 0); /* nothing else was written */
 }
 
-/* With --force an input is what is missing, and still nothing is lost. */
+/* With --force an input is missing, and still nothing is lost. */
 static void check_forced(const struct writer *writer) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-outputs-XXXXXX", NULL);
     g_autofree char *path = g_strdup_printf("%s/out%s", folder, writer->end);
@@ -284,8 +284,8 @@ TEST(examples) {
     assert_said(calibrate, "Examples:\n  mesorig calibrate show rig.calibration\n");
 }
 
-/* In any locale, and without a bus, a display or a rig. A mistyped option is told which was meant.
- */
+/* In any locale, and without a bus, a display or a rig. For a mistyped option, the error names the
+ * option that was meant. */
 TEST(programs) {
     g_autoptr(GPtrArray) paths = programs();
     for (guint i = 0; i < paths->len; i++) {

@@ -90,7 +90,8 @@ static char *write_small_sample(const struct operation *run) {
     return path;
 }
 
-/* The disk is full in the middle: nothing is lost, and when there is room again it goes on. */
+/* The disk becomes full during a capture: nothing is lost, and the capture continues when there is
+ * space again. */
 TEST(disk_full) {
     char *disk = mount_disk("90m");
     if (!disk)

@@ -133,8 +133,8 @@ static struct operation *new_with(const char *text) {
     return operator_new(changes);
 }
 
-/* Every frame that was there is as it was. A session that goes on may take a later sweep first, so
- * that new frames stand between them. */
+/* Every earlier frame is unchanged. A session that continues may take a later sweep first, so new
+ * frames may be listed between the earlier ones. */
 static void check_kept(const char *before, const char *after) {
     g_auto(GStrv) kept = g_strsplit(before, "\n", -1), now = g_strsplit(after, "\n", -1);
     for (int i = 0; kept[i]; i++)
@@ -170,7 +170,7 @@ static void test_fault(gconstpointer data) {
     operator_free(run);
 }
 
-/* Faults that pass: the session ends by itself. */
+/* Temporary faults: the session ends without an operator. */
 static const struct fault passing[] = {
     {"some-stale-old",
      "[camera cam30] fault_stale = 0.05; [camera cam60] fault_stale = 0.05; [camera cam60] "
@@ -208,8 +208,8 @@ static void test_passing(gconstpointer data) {
     operator_free(run);
 }
 
-/* The door of a rig whose daemon stays: it says so as long as it is asked, refuses to go on while
- * the door is open, and goes on when it is shut. */
+/* The door of a rig is open while the daemon runs: the daemon reports it each time, refuses to
+ * continue while the door is open, and continues when it is closed. */
 TEST(daemon_stays) {
     struct operation *run = operator_new((const struct change[]){
         {"[interlock door]", "open_after_s = 9"}, {"[interlock door]", "open_for_s = 60"}, {0}});

@@ -157,7 +157,7 @@ TEST(frame) {
     }
 }
 
-/* Dark frames are not processed, but what is taken later is made with them. */
+/* Dark frames are not processed, but later frames are computed with them. */
 TEST(dark) {
     struct operation *run = operator_new(NULL);
     operator_captures(run, 0);
@@ -252,7 +252,7 @@ TEST(unknown) {
     assert_has(run->out, "\"unknown\": [\"frames/link\", \"products/stranger.exr\"]");
     g_unlink(stranger);
     g_unlink(link);
-    /* What is somewhere else is not in the session, whatever leads there. */
+    /* A file outside of the session is not part of it, whatever link points to it. */
     g_assert_cmpint(g_rename(view, moved), ==, 0);
     g_assert_cmpint(symlink(moved, view), ==, 0);
     operator_does(run, 1, "verify", run->session, NULL);

@@ -72,8 +72,8 @@ static void free_parts(struct exr_part **parts) {
         exr_part_free(parts[i]);
 }
 
-/* A plane is found again, but for what keeps it level; a lobe better than by the light next to it.
- */
+/* A plane is predicted exactly except for the effect of the prior, and a lobe better than by the
+ * nearest light. */
 TEST(between) {
     struct btf_view *view = new_view();
     double planes = 0, lobes = 0, nearest = 0;

@@ -33,8 +33,8 @@ TEST(other_rig) {
     operator_free(run);
 }
 
-/* A frame that was cut short or is gone: told by name, and mended by a resume. The views that do
- * not need it are made all the same. */
+/* A frame that was cut short or removed is named, and resume captures it again. The views that do
+ * not need it are made nevertheless. */
 TEST(damaged_frames) {
     struct operation *run = operator_new(NULL);
     operator_undisturbed();

@@ -71,7 +71,7 @@ TEST(again) {
 
 BEFORE_TESTS {
     told = g_string_new(NULL);
-    /* It is a log, wherever the test itself runs. */
+    /* The output is a log, even if the test itself runs in a terminal. */
     const int null = open("/dev/null", O_WRONLY);
     g_assert_cmpint(dup2(null, STDERR_FILENO), ==, STDERR_FILENO);
     close(null);

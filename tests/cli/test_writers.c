@@ -262,7 +262,7 @@ TEST(lock) {
     file_lock_give(lock, path);
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
     g_assert_false(file_lock_is_held(path));
-    /* What a killed process leaves keeps nobody out; a link is not followed. */
+    /* Files that a killed process has left do not prevent other writers; a link is not followed. */
     g_assert_true(g_file_set_contents(path, "1\n", -1, NULL));
     const int again = ok(file_lock_take(path, "it", ERR));
     file_lock_give(again, path);

@@ -64,7 +64,7 @@ static void test_predicted_time(struct heard *heard, gconstpointer unused) {
     g_assert_cmpfloat_with_epsilon(axis_position_deg(axis), 360 * 3 - 725.5, 1e-6);
 }
 
-/* An axis that notes what it is told and says nothing by itself. */
+/* An axis that records its commands, and reports only what the test makes it report. */
 struct silent_axis {
     double targets[8];
     int n_targets, n_stops, n_homings;

@@ -248,7 +248,7 @@ static void test_one_pixel(struct heard *heard, gconstpointer unused) {
     }
 }
 
-/* A picture that comes while nobody waits, and once more when somebody does. */
+/* A picture that arrives without a trigger, and again after a trigger. */
 static void test_unasked(struct heard *heard, gconstpointer unused) {
     g_autoptr(Camera) null = open_camera(&null_driver, "", heard);
     camera_report_frame(null, good_frame(heard->clock, 1, 10));

@@ -60,7 +60,7 @@ static void test_dead_lamp(struct heard *heard, gconstpointer unused) {
     g_assert_cmpfloat(lamp_output(heard->clock, lamp60), ==, 0);
 }
 
-/* A bank and a laser that note what they are sent; the test answers. */
+/* A bank and a laser that record their commands; the test answers. */
 #define N_SCRIPTED 3
 #define MAX_SENT   64
 
@@ -188,7 +188,7 @@ static void test_lamp_deadline(struct heard *heard, gconstpointer unused) {
     lamps_report(silent, -1, FALSE, NULL);
     g_assert_cmpint(lamps_light(silent, 1), ==, LIGHT_OFF);
     g_assert_cmpint(lamps_safety(silent), ==, DEVICE_SAFE);
-    conformance_pass(heard->clock, 20); /* what is off is left alone */
+    conformance_pass(heard->clock, 20); /* a light that is off gets no command */
     g_assert_cmpint(script.n_unsafe, ==, 1);
     g_assert_cmpint(script.n_safe, ==, 1);
     g_assert_cmpint(heard->n, ==, 0);
@@ -245,7 +245,7 @@ static void test_answers_in_order(struct heard *heard, gconstpointer unused) {
     g_assert_cmpint(heard->n, ==, 0);
 }
 
-/* Light that comes when nobody has asked for it, after "off" was confirmed. */
+/* Light without a command, after "off" was confirmed. */
 static void test_light_by_itself(struct heard *heard, gconstpointer unused) {
     g_autoptr(Laser) opened = open_scripted_laser(heard);
     g_assert_true(laser_set(opened, FALSE, NULL));
@@ -349,7 +349,8 @@ static void test_lost(struct heard *heard, gconstpointer unused) {
     g_assert_cmpint(heard->n, ==, 0);
 }
 
-/* Whoever watches later hears of what is unsafe; a device that is closed is not touched again. */
+/* A listener that is added later is told about an unsafe device. A closed device is not used again.
+ */
 static void test_watch(struct heard *heard, gconstpointer unused) {
     g_autoptr(Laser) opened = open_scripted_laser(heard);
     g_assert_true(laser_set(opened, TRUE, NULL));

@@ -158,7 +158,7 @@ static gboolean is_there(const VirtualUsb *usb) {
     return g_file_test(node, G_FILE_TEST_EXISTS);
 }
 
-/* The kernel takes a while to get acquainted, and udev to tell of it. */
+/* The kernel needs some time to enumerate the device, and udev to report it. */
 void virtual_usb_plug(VirtualUsb *usb) {
     g_autofree char *udc = g_strdup_printf("dummy_udc.%d", usb->port - 1);
     gint64 limit = g_get_monotonic_time() + APPEARS_US;

@@ -216,7 +216,7 @@ static double spent_s(const char *pid) {
            (double)sysconf(_SC_CLK_TCK);
 }
 
-/* With nobody at it the window takes under 2 % of a core, and then answers immediately. */
+/* An idle window takes less than 2 % of a core, and then answers immediately. */
 TEST(idle) {
     struct user u;
     const double watched_s = 5;

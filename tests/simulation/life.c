@@ -94,7 +94,7 @@ static void life_continue(struct lifetime *lifetime) {
         scene_break(lifetime->scene, "stops are told", "capture_continue() refuses without a word");
 }
 
-/* What an operator does with a session that rests: goes on as long as he is patient. */
+/* What an operator does with a paused session: he continues it, a limited number of times. */
 static void life_decide(gpointer data) {
     struct lifetime *lifetime = data;
     lifetime->decides = FALSE;

@@ -12,7 +12,7 @@ enum seed_lives { LIVES_CAPTURE = 1, LIVES_BUS = 2, LIVES_BOTH = 3 };
 struct seed_result {
     guint32 seed;
     gboolean ok;
-    char violation[512]; /* "invariant: what is broken" */
+    char violation[512]; /* "invariant: how it is broken" */
     int life;            /* after which it was found, from 1; 0: the one on the bus */
     int lives, kills, cuts, failed_calls, rotten, misplaced;
     int served, bus_calls; /* lives on the bus, and what their clients called */

@@ -235,7 +235,8 @@ TEST(killed) {
     site_free(site);
 }
 
-/* A daemon that is ended in good order goes on where it was as well; the numbers go on. */
+/* A daemon that was ended normally also continues its queue, and the numbers of sessions continue.
+ */
 TEST(restarted) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", many);
@@ -260,7 +261,7 @@ TEST(restarted) {
     site_free(site);
 }
 
-/* What mesorig-web tells of the queue. */
+/* What mesorig-web says about the queue. */
 static void check_web(const struct site *site) {
     g_autoptr(GError) error = NULL;
     GSubprocess *server = process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE, NULL,
@@ -314,7 +315,7 @@ TEST(changed) {
     site_free(site);
 }
 
-/* Mistakes of all files are told immediately, and nothing is added. */
+/* Mistakes in all files are reported immediately, and nothing is added. */
 TEST(mistakes) {
     static const struct change wrong[] = {
         {"[capture]", "sweep_steps = 3"}, {"[sample]", "texels = many"}, {NULL, NULL}};
@@ -333,7 +334,7 @@ TEST(mistakes) {
     QUEUE(site, 2, "add", good, bad, "-o", "/x");
     QUEUE(site, 2, "ad", NULL);
     assert_has(site->run->err, "did you mean “add”?");
-    /* A directory that is there, or that another session of the queue is to make. */
+    /* A directory that exists, or that another session of the queue will make. */
     QUEUE(site, 1, "add", good, "-o", site->run->directory);
     QUEUE(site, 0, "pause", NULL);
     add(site, good);
@@ -347,7 +348,8 @@ TEST(mistakes) {
     site_free(site);
 }
 
-/* A fault of the rig pauses the queue, and the session stays as it is until somebody goes on. */
+/* A fault of the rig pauses the queue, and the session is not changed until somebody continues it.
+ */
 TEST(rig_faults) {
     static const struct change stalls[] = {{"[axis arc]", "fault_stall_at = 2"}, {NULL, NULL}};
     struct site *site = site_new(stalls);
@@ -378,7 +380,8 @@ TEST(laser_stays_on) {
     site_free(site);
 }
 
-/* Whoever ends a session, or makes the rig safe, is next to the rig: nothing further begins. */
+/* A person who ends a session or makes the rig safe stands at the rig, so no further session
+ * begins. */
 TEST(ended_by_hand) {
     static const char *const ends[] = {"Abort", "SafeState"};
     for (gsize i = 0; i < G_N_ELEMENTS(ends); i++) {
@@ -437,7 +440,7 @@ TEST(tried) {
     site_free(site);
 }
 
-/* A queue's file that cannot be used is kept, and told; nothing begins. */
+/* A file of the queue that cannot be used is kept and reported, and no session begins. */
 TEST(damaged) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", NULL);

@@ -94,7 +94,7 @@ TEST(real_rig) {
     operator_free(run);
 }
 
-/* With two, whatever does not say which is refused, and both are listed. */
+/* With two daemons, a command that names none is refused, and both are listed. */
 TEST(two) {
     static const char *const refused[] = {"status", "watch", "pause", "continue", "abort",
                                           "safe",   "test",  "close", NULL};
@@ -140,7 +140,7 @@ TEST(two) {
     lab_clear(&other, SIGTERM);
 }
 
-/* “resume” reaches the daemon that has the session's rig open, whatever else runs. */
+/* “resume” reaches the daemon that has the session's rig open, even if other daemons run. */
 TEST(resume) {
     struct lab mine = lab_new(), other = lab_new();
     GSubprocess *capture = lab_captures(&mine, mine.run->conf);
@@ -157,7 +157,7 @@ TEST(resume) {
     lab_clear(&other, SIGTERM);
 }
 
-/* A daemon gives its rig up when it is told so, but not during a capture. */
+/* A daemon closes its rig when asked, but not during a capture. */
 TEST(close) {
     struct lab lab = lab_new();
     GSubprocess *capture = lab_captures(&lab, lab.run->conf);

@@ -160,8 +160,8 @@ static void draw_stages(void) {
     cli_work_run(some_stages, NULL, NULL, NULL);
 }
 
-/* A stage with nothing to do has no bar, and a bar that stays tells nothing of the time that was
- * left. */
+/* A stage with nothing to do has no bar, and a bar that stays does not show the time that was left.
+ */
 TEST(stages) {
     g_autofree char *text = on_terminal(draw_stages);
     g_auto(GStrv) lines = g_strsplit(text, "\r\n", -1);

@@ -87,7 +87,7 @@ TEST(proportion) {
     operator_free(twice);
 }
 
-/* A plan says what bound it takes; what is then captured takes no longer. */
+/* A plan states the upper bounds that it assumes, and the capture takes no longer. */
 TEST(plan) {
     struct operation *run = new_auto(NULL, NULL);
     operator_does(run, 0, "plan", run->rig, run->conf, NULL);
@@ -106,7 +106,8 @@ TEST(plan) {
     operator_free(run);
 }
 
-/* A dead lamp pauses the session. It goes on with what was chosen, whatever the file says now. */
+/* A dead lamp pauses the session. It continues with the chosen exposures, even if the file was
+ * changed meanwhile. */
 TEST(resume) {
     static const struct change dead[] = {{"[lamps bank]", "fault_dead = lamp60"}, {0}};
     struct operation *run = new_auto(NULL, dead);

@@ -86,7 +86,7 @@ TEST(suggestion) {
     }
 }
 
-/* --yes warns, and goes on. A short session is not held up. */
+/* With --yes the command warns and continues. A short session has no test shots. */
 TEST(yes) {
     const struct spoilt dead = {.world = {"[camera cam60]", "response = 0.01"}};
     struct operation *run = new_run(&dead);
@@ -113,7 +113,7 @@ static char *calibrate(const struct operation *run, gboolean laser) {
     return path;
 }
 
-/* Nothing is wrong but that the directory is there already, which is told after the test shots. */
+/* The only mistake is that the directory already exists, which is reported after the test shots. */
 static void try_calibrated(struct operation *run, gboolean laser) {
     g_autofree char *calibration = calibrate(run, laser);
     g_mkdir(run->session, 0777);
@@ -137,7 +137,8 @@ TEST(calibrated) {
     operator_free(run);
 }
 
-/* Six lamps. Those of the first five shots are told then; one of the others at its own shot. */
+/* Six lamps. A dead lamp among the first five shots is reported there, and any other one at its own
+ * shot. */
 TEST(many_lamps) {
     static const char lamps[] = "20 35 45 70";
     for (int dead = 0; dead < 2; dead++) {

@@ -228,8 +228,8 @@ TEST(killed) {
     desk_clear(&desk);
 }
 
-/* Nothing by hand while a session is captured, not even while it is paused. What somebody holds
- * when it begins ends. */
+/* During a session no device can be operated by hand, not even while the session is paused.
+ * Operations by hand end when a session begins. */
 TEST(capture) {
     static const char *const refused[] = {"snap cam30",     "lamp lamp30", "laser laser30",
                                           "home turntable", "test",        "live cam30"};

@@ -320,8 +320,8 @@ static void assert_cancelled(struct fixture *fixture, const char *words) {
     g_clear_object(&pending);
 }
 
-/* While a session is planned its client waits, other calls are answered, and whoever wants the rig
- * to stand still does not find it begin. */
+/* While a session is being planned, its client waits and other calls are answered. After a call
+ * that stops the rig, the session does not begin. */
 static void test_cancel(struct fixture *fixture, gconstpointer data) {
     static const char *const methods[] = {"SafeState", "Abort", "CloseRig"};
     static const char *const words[] = {"SafeState ended", "Abort ended", "closed meanwhile"};
@@ -370,8 +370,8 @@ static void assert_thumbnail(struct fixture *fixture) {
     g_assert_cmpuint(g_variant_get_size(rgb), ==, (gsize)width * height * 3);
 }
 
-/* A slow computer pauses a session that has just begun before its first picture: it goes on for a
- * moment, until there is one. */
+/* A slow computer may pause a new session before its first picture. The session is then continued
+ * until there is a picture. */
 static void pause_with_picture(struct fixture *fixture) {
     for (int i = 0; i < 200; i++) {
         g_autoptr(GError) error = NULL;
@@ -561,7 +561,8 @@ TEST(addresses) {
     g_assert_true(g_file_test(file, G_FILE_TEST_IS_REGULAR));
     g_unlink(file);
 
-    /* A socket that nobody listens at any more is replaced, one that is listened at is not. */
+    /* A socket on which no process listens is replaced. A socket on which a process listens is not.
+     */
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     g_strlcpy(to.sun_path, file, sizeof(to.sun_path));
     const int fd = socket(AF_UNIX, SOCK_STREAM, 0);
@@ -575,7 +576,7 @@ TEST(addresses) {
 }
 
 BEFORE_TESTS {
-    /* Faults of devices are told as warnings. */
+    /* Faults of devices are logged as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
 #define ADD(path, func) g_test_add(path, struct fixture, NULL, set_up, func, tear_down)
     ADD("/bus/closed", test_closed);

@@ -111,7 +111,7 @@ TEST(lights) {
     bus_peer_free(peer);
 }
 
-/* A client that goes takes with it what it has begun, and nothing of another's. */
+/* When a client disconnects, its own operations end, and those of other clients do not. */
 TEST(gone) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);
@@ -342,7 +342,7 @@ TEST(lease) {
     g_assert_cmpuint(n, ==, 1);
     bus_peer_wait(peer, is_all_off);
 
-    /* Anybody may switch off, also what is warming up. */
+    /* Any client may switch a light off, also one that is warming up. */
     bus_peer_tell(peer, "SetLaser", on("laser30"));
     bus_peer_begin(other, "SetLaser", off("laser30"), &result);
     g_variant_unref(bus_peer_end(other, &result, NULL, NULL));
@@ -444,7 +444,7 @@ TEST(gone_before_the_call) {
     bus_peer_free(peer);
 }
 
-/* A laser that does not obey: whoever asked is told, and so is everybody. */
+/* A laser that does not obey: the client that asked gets an error, and all clients get an event. */
 TEST(deaf) {
     static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
     struct bus_peer *peer = bus_peer_open(deaf);
@@ -510,6 +510,6 @@ TEST(unheard) {
 }
 
 BEFORE_TESTS {
-    /* Faults of devices are told as warnings. */
+    /* Faults of devices are logged as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
 }

@@ -224,7 +224,7 @@ TEST(busy_loop) {
 }
 
 BEFORE_TESTS {
-    /* Faults of devices, and the safe state, are told as warnings. */
+    /* Faults of devices and the safe state are logged as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
     g_test_add_data_func("/bus-latch/overtakes/same-client", GINT_TO_POINTER(TRUE), test_overtakes);
     g_test_add_data_func("/bus-latch/overtakes/another", NULL, test_overtakes);

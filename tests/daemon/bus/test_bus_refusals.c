@@ -87,7 +87,7 @@ TEST(checks) {
     bus_peer_free(peer);
 }
 
-/* A queue whose rig stays shut: what it takes, and what not. */
+/* A queue whose rig is closed: what it accepts, and what it refuses. */
 TEST(queue) {
     struct bus_peer *peer = bus_peer_open(NULL);
     g_autofree char *file = g_build_filename(peer->folder, "queue", NULL);
@@ -126,7 +126,7 @@ TEST(queue) {
     bus_peer_free(peer);
 }
 
-/* A file that is no queue's is told, and the daemon keeps none then. */
+/* A file that is not that of a queue is reported, and the daemon then has no queue. */
 TEST(no_queue) {
     struct bus_peer *peer = bus_peer_open(NULL);
     bus_keep_queue(peer->bus, "/no/such/folder/queue");

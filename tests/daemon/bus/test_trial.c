@@ -103,7 +103,7 @@ static void test_none_inside(void) {
     g_assert_nonnull(error);
 }
 
-/* Freed while it runs: it is killed, and its answer is heard by nobody. */
+/* If the trial is freed while the program runs, the program is killed and its answer is ignored. */
 static void test_free_inside(void) {
     const int before = answer.n;
     const char *folder = beside_write("none", NULL);

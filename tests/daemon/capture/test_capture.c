@@ -565,7 +565,7 @@ TEST(too_bright) {
     run_free(run);
 }
 
-/* Where retaking is not wanted, the picture is kept, and told of. */
+/* If retaking is switched off, the picture is kept and reported. */
 TEST(saturated) {
     struct run *run = run_begin(
         (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});

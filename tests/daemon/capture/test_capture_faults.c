@@ -66,7 +66,7 @@ TEST(too_slow) {
     run_free(run);
 }
 
-/* A camera that comes back by itself is waited for. */
+/* The capture waits for a camera that comes back by itself. */
 TEST(disconnect) {
     struct run *run =
         run_begin((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"}, {0}});
@@ -257,8 +257,8 @@ TEST(left_over) {
     run_finish(run);
 }
 
-/* A laser that does not answer when it is told to go off: said again as often as it happens, and
- * gone on with only when it is dark, which its class sees to by itself. */
+/* A laser that does not answer to "off": this is reported each time, and the capture continues only
+ * when the laser is off. The class of lasers repeats "off" by itself. */
 TEST(deaf_laser) {
     struct run *run =
         run_begin((const struct change[]){{"[laser laser30]", "fault_deaf = 12"}, {0}});

@@ -134,8 +134,8 @@ TEST(in_place) {
     run_free(run);
 }
 
-/* The first shot warns, the second pauses. Who goes on takes it as it is: also after the session
- * was closed, and resumed. */
+/* The first shot warns, and the second one pauses the session. An operator who continues accepts
+ * the state, also after the session was closed and resumed. */
 static void moved(const struct scene *scene, const char *what, guint accepted_bits) {
     struct run *run = new_run(scene);
     run_start(run);
@@ -188,7 +188,7 @@ TEST(uncalibrated) {
     }
 }
 
-/* As dark as what is around them: told, once, and no reason to stop. */
+/* Fiducials as dark as their surround are reported once, and do not stop the session. */
 TEST(unseen) {
     static const struct scene scene = {.albedo = "0.04", .placed = TRUE, .lit = TRUE};
     struct run *run = new_run(&scene);

@@ -105,7 +105,7 @@ static double free_running(const char *script) {
     follower_free(follower);
     const double ms = (double)(g_get_monotonic_time() - begun_us) * 1e-3;
     g_assert_cmpint(kill(pid, 0), !=, 0);
-    wait_ms(20); /* its end is not told to anybody */
+    wait_ms(20); /* its end is not reported */
     return ms;
 }
 
@@ -123,7 +123,7 @@ static void test_copy(gconstpointer path) {
     g_free(beside_run(path));
 }
 
-/* Of two that end only the one that fails is told of. */
+/* Of two programs that end, only the one that fails is reported. */
 TEST(end) {
     static const char told[] = "processing during the capture has failed: run `mesorig process`";
     g_autofree char *said = beside_run("/follower/end/subprocess");

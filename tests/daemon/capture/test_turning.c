@@ -120,7 +120,7 @@ static void compare_text(struct run *run, const char *expected) {
     g_assert_cmpstr(text, ==, expected);
 }
 
-/* Aborted and resumed after so many frames each time. */
+/* Aborts and resumes the session after this number of frames each time. */
 static void check_resume(const struct change *with, const int *every, gsize n_every) {
     g_autofree char *expected = undisturbed(with);
     for (gsize k = 0; k < n_every; k++) {
@@ -228,7 +228,7 @@ static double table_deg(const struct run *run) {
     return state.turntable_deg;
 }
 
-/* The table stalls in a turn: everything stops, and the session goes on. */
+/* The turntable stalls during a turn: everything stops, and then the session continues. */
 TEST(stall) {
     g_autofree char *expected = undisturbed(turning);
     for (int at = 2; at < 8; at++) {
@@ -274,7 +274,7 @@ TEST(saturated) {
     check_resume(bright, every, 1);
 }
 
-/* An axis that does not tell where it is cannot. */
+/* An axis that does not report its position cannot capture while it turns. */
 TEST(refused) {
     static const struct change silent[] = {TURNING, {"[axis turntable]", "report_ms = 0"}, {0}};
     g_autoptr(GError) error = NULL;

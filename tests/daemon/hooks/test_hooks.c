@@ -143,7 +143,7 @@ static void test_bad(struct fixture *fixture, gconstpointer data) {
     }
 }
 
-/* What others could have put there is not run. */
+/* A file that other users could have written is not run. */
 static void test_trusted(struct fixture *fixture, gconstpointer data) {
     write_hook(fixture, "1-open", "echo open >>$out", 0777);
     write_hook(fixture, "2-own", "echo own >>$out", 0755);
@@ -260,7 +260,7 @@ static void tell_one(const struct fixture *fixture) {
         g_main_context_iteration(NULL, TRUE);
 }
 
-/* A server that refuses twice gets the event all the same; one that is not there is told. */
+/* A server that refuses twice still gets the event. A server that does not answer is reported. */
 static void test_webhook(struct fixture *fixture, gconstpointer data) {
     struct server server;
     server_begin(&server);

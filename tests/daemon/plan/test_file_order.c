@@ -33,7 +33,7 @@ TEST(exchanged) {
         {rig, rig, {"rig.conf is a rig file: give RIG before SESSION, a file with", ""}},
         {session, neither, {"session.conf is a session file: give RIG before SESSION", ""}},
         {neither, rig, {"rig.conf is a rig file", ""}},
-        /* What else is wrong with them is for those to tell who need them. */
+        /* Other mistakes in the files are reported by the functions that need the files. */
         {both, both, {NULL}},
         {neither, neither, {NULL}},
         {broken, session, {NULL}},

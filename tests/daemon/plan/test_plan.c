@@ -516,8 +516,8 @@ TEST(random) {
     }
 }
 
-/* Viewer after view: the table stands at each of its angles once, and the time told is the nested
- * order's. */
+/* With the order of views, the turntable stops at each of its angles once, and the predicted time
+ * is that of the nested order. */
 TEST(views_first) {
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);

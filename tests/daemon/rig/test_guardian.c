@@ -99,7 +99,7 @@ static void wait_told(const char *words) {
     }
 }
 
-/* As long as it lives, and whatever else the main loop does. */
+/* As long as the process runs, also while the main loop is busy. */
 static void test_answers(struct fixture *fixture, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     Guardian *guardian = start(fixture);

@@ -103,7 +103,8 @@ TEST(comes_back) {
     site_free(site);
 }
 
-/* The stream begins with the state, and tells the capture's events, pictures and changes. */
+/* The stream begins with the state, and then has the events, pictures and changes of the capture.
+ */
 TEST(streams) {
     struct site *site = site_new(SITE_SHOWS, NULL);
     g_autofree char *uri = g_strconcat(site->uri, "api/v1/events", NULL);
@@ -306,7 +307,7 @@ TEST(in_browser) {
     site_free(site);
 }
 
-/* A camera goes: the page says which, and how to go on. */
+/* A camera is lost: the page says which one, and how to continue. */
 TEST(faults) {
     static const struct change gone[] = {{"[camera cam60]", "fault_disconnect_after = 9"},
                                          {"[camera cam60]", "fault_reconnect_s = 100000"},

@@ -10,7 +10,7 @@
 #include "web/web_door.h"
 #include "web/web_log.h"
 
-#define MANY 1000 /* connections of one who wishes it ill */
+#define MANY 1000 /* connections of an attacker */
 #define MORE_RSS                                                                                   \
     (40 << 10) /* KiB that its memory may grow by; a sanitizer keeps what was freed                \
                 */
@@ -368,8 +368,8 @@ TEST(names) {
     site_free(site);
 }
 
-/* Who sends wrong tokens has to wait, even with the right one, and nobody else has; the log tells
- * it, in few lines. */
+/* A client that sends wrong tokens must wait, even with the right token. Other clients need not.
+ * The log reports it in few lines. */
 TEST(tokens) {
     static const char wrong[] = "POST /api/v1/pause HTTP/1.1\r\nHost: $\r\nAuthorization: Bearer "
                                 "an-0123456789-tokem\r\nContent-Length: 0\r\n\r\n";

@@ -74,7 +74,8 @@ static void times(struct eye *eye, gconstpointer unused) {
     eye_check_times(eye, 10, 1000, eye_triggered_us);
 }
 
-/* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
+/* Some cameras stamp the end of the exposure. With the right option, the driver computes when the
+ * exposure began. */
 TEST(stamps_of_the_end) {
     struct eye eye;
     struct virtual_camera_faults faults = {.stamps_end = TRUE};
@@ -84,7 +85,7 @@ TEST(stamps_of_the_end) {
     g_assert_true(camera_configure(eye.camera, &settings, NULL));
     eye_check_times(&eye, 1, settings.exposure_us, eye_triggered_us);
     eye_end(&eye, NULL);
-    /* Not told so, it does not take them for something else. */
+    /* Without this option, the driver must not misinterpret the time stamps. */
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_true(camera_configure(eye.camera, &settings, NULL));

@@ -125,7 +125,7 @@ static GLogWriterOutput print_warning(GLogLevelFlags level, const GLogField *fie
 }
 
 /* A range without 1, a register that can only be read, one that keeps its value, a choice without
- * Off: each is told with feature, value, cause and effect. */
+ * Off: each is reported with feature, value, cause and effect. */
 TEST(stubborn) {
     static const guint32 first[VIRTUAL_PROCESSING] = {45, 1, 1, 1};
     static const guint32 neutral[VIRTUAL_PROCESSING] = {100, 0, 0, 9};

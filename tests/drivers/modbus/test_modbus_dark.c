@@ -31,8 +31,8 @@ static void wait_errors(struct bench *bench, int n) {
     bench->n = 0;
 }
 
-/* The line is dead for some seconds, and then works. Until then nothing is called off, whatever the
- * truth. */
+/* The line is dead for some seconds, and then works. Until then no light is reported as off,
+ * whatever the truth is. */
 static void dead_then_well(struct bench *bench, const char *what) {
     bench_fail(bench, .cut = TRUE);
     for (double s = 0; s < DEAD_S; s += 0.25) {

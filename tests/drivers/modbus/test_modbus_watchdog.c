@@ -49,14 +49,14 @@ TEST(watchdog_stays_on) {
         bench_expect(&bench, FALSE);
         g_assert_false(bench_state(&bench).coils[9]);
         int requests = bench_state(&bench).requests;
-        conformance_pass(bench.clock, 2e-6 * AFTER_US); /* nothing is asked for what is off */
+        conformance_pass(bench.clock, 2e-6 * AFTER_US); /* no requests for a light that is off */
         g_assert_cmpint(bench_state(&bench).requests, ==, requests);
         bench_end(&bench, NULL);
     }
 }
 
-/* The main loop hangs: as soon as it goes on it is told that the laser went off by itself, and that
- * does not come on again. */
+/* The main loop hangs. As soon as it continues, it reports that the laser went off by itself, and
+ * the laser stays off. */
 TEST(watchdog_hang) {
     for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
         struct bench bench;

@@ -767,7 +767,7 @@ static void run_fault(gconstpointer data) {
     virtual_gcode_set_door(bench.board, FALSE);
     if (fault->act == virtual_gcode_unplug)
         virtual_gcode_plug(bench.board);
-    if (fault->faults.late_ms > 0) /* what is late may come in the middle of the homing */
+    if (fault->faults.late_ms > 0) /* a late answer may arrive during homing */
         conformance_pass(bench.clock, 2e-3 * fault->faults.late_ms);
     wait_safe(&bench, &bench.a);
     g_assert_false(state_of(&bench).moving);
@@ -897,8 +897,8 @@ TEST(last_resort) {
     end(&bench);
 }
 
-/* Answers that nobody has asked for, at any time, and commands at any time. Afterwards both axes
- * are safe, can be homed, and are where they say. */
+/* Answers without a request, and commands, at random times. Afterwards both axes are safe, can be
+ * homed, and are where they say. */
 static void chaos(const struct virtual_gcode_options *with, const char *language, guint32 seed) {
     static const char *const lines[] = {
         "ok",

@@ -193,7 +193,7 @@ static void test_tic_short_answer(struct rig *rig, gconstpointer unused) {
     g_clear_error(&error);
 }
 
-/* Requests that are never answered are cancelled, and nothing is told of them. */
+/* Requests that are never answered are cancelled, and not reported. */
 static void test_tic_close_waiting(struct rig *rig, gconstpointer unused) {
     home(rig);
     start_and_pass(rig, 30);
@@ -221,7 +221,7 @@ static void test_tic_slow_homing(struct rig *rig, gconstpointer unused) {
     assert_recovers(rig);
 }
 
-/* A motor left turning is braked by whoever opens it next. */
+/* A motor that still turns is stopped when it is opened the next time. */
 TEST(tic__left_turning) {
     static const struct conformance slow = {
         .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nspeed_deg_s = 10\n"

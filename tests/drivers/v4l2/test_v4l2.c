@@ -212,7 +212,7 @@ TEST(program_ends) {
     camera_close(camera);
 }
 
-/* Nobody waits for a frame: it is told at the next trigger, which ends in a fault. */
+/* No frame is expected: the fault is reported at the next trigger, which fails. */
 static void test_unplugged_idle(struct rig *rig, gconstpointer unused) {
     g_assert_nonnull(strstr(rig->camera->device.identity, ", at "));
     virtual_v4l2_unplug(rig->device);
@@ -524,7 +524,7 @@ TEST(not_opened) {
     g_clear_error(&error);
 }
 
-/* All that would change pictures by itself is off, from the start. */
+/* Every function that would alter pictures by itself is off from the start. */
 TEST(by_hand) {
     struct rig rig;
     GError *error = NULL;
@@ -598,7 +598,7 @@ TEST(gamma_told) {
     end(&rig, NULL);
 }
 
-/* Controls that it lacks are told, and what needs them is refused. */
+/* Missing controls are reported, and settings that need them are refused. */
 TEST(lacking_told) {
     if (g_test_subprocess()) {
         g_log_set_writer_func(count_lacking, NULL, NULL);

@@ -73,7 +73,7 @@ static void expose_flat(gpointer user, gint64 start_us, gint64 exposure_us, doub
         pixels[i] = (guint16)(i % 1000);
 }
 
-/* The picture is whole, and half a one is told. */
+/* A complete picture arrives, and half a picture is reported as a fault. */
 static void planes(void) {
     g_autoptr(VirtualV4l2) device = virtual_v4l2_new(&(struct virtual_v4l2_config){
         .number = 9, .port = "2-4", .bits = 10, .planes = 1, .expose = expose_flat});

@@ -478,7 +478,7 @@ TEST(missing) {
     g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
 }
 
-/* A write that fails leaves the old file as it was and nothing next to it. */
+/* A write that fails does not change the old file and leaves no other file. */
 TEST(failed_write) {
     g_autofree char *path = in_folder("kept.exr");
     g_autoptr(GError) error = NULL;

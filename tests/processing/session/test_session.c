@@ -68,7 +68,7 @@ TEST(first_values) {
     session_close(session);
 }
 
-/* A plan that somebody has edited in the database is refused where it is read, in words. */
+/* A plan that somebody has edited in the database is refused when it is read, with a reason. */
 TEST(edited) {
     static const char *const edits[] = {
         "UPDATE grid SET width = 0",

@@ -251,7 +251,7 @@ static gboolean use_verify_thorough(Session *session, GString *ret, GError **err
     return TRUE;
 }
 
-/* A frame that cannot be read is told. */
+/* A frame that cannot be read is reported. */
 enum tolerance { SAME, UNREADABLE_IS_TOLD };
 
 static const struct {
@@ -527,7 +527,7 @@ static void test_disk(gconstpointer data) {
     fail_disk(k, whole, DISK_FULL, 1 << 20);
 }
 
-/* A disk that does not tell of a file has not lost it: nothing is planned again. */
+/* If the disk fails to find a file, the file may still exist, so no shot is planned again. */
 static void test_stat(void) {
     g_autofree char *whole = g_build_filename(folder, "whole.session", NULL);
     for (int n = 1, failed = 1; failed; n++) {

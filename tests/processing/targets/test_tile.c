@@ -166,7 +166,7 @@ static char *check_shot(struct capture_marks *marks, const struct capture_sessio
     return ok(capture_marks_check(marks, session, &shot, seen, ERR));
 }
 
-/* A light may make marks look displaced; nobody is called at night for one shot's sake. */
+/* A light may make fiducials look displaced. A single shot must not pause a capture at night. */
 TEST(quick_check_asks_twice) {
     g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "few.session", NULL);
     g_autofree char *calibration_path = g_build_filename(folder, "calibration.conf", NULL);

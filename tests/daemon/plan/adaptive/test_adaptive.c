@@ -120,7 +120,7 @@ TEST(rounds) {
     outcome_clear(&again);
 }
 
-/* Aborted and resumed after so many frames each time. */
+/* Aborts and resumes the session after this number of frames each time. */
 static void check_resume(const struct change *with, const char *said, const int *every,
                          gsize n_every) {
     struct outcome expected = undisturbed_of(with, said);
@@ -294,7 +294,7 @@ TEST(first) {
     run_free(run);
 }
 
-/* A value that names a shot that there is not. */
+/* A value that names a shot that does not exist. */
 TEST(values) {
     g_autoptr(GError) error = NULL;
     struct run *run = run_begin(changes);
