@@ -176,7 +176,7 @@ TEST(unplugged) {
     virtual_u3v_unplug(device);
     conformance_wait(eye.clock, &eye.n_ended, 2, 3);
     g_assert_cmpint(eye.last, ==, CAMERA_FAULT);
-    eye_assert_said(&eye, DEVICE_ERROR_DISCONNECTED, "check its power and cable");
+    eye_assert_said(&eye, DEVICE_ERROR_DISCONNECTED, "check the camera's power and cable");
     eye_expect_lost(&eye, DEVICE_ERROR_DISCONNECTED, "no camera \"EYE\" was found");
     virtual_u3v_plug(device);
     eye_recover(&eye, 2);
