@@ -230,15 +230,15 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
             nominal->n_lasers);
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
-        if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
-            why = g_strdup_printf(
-                "camera %d, %s, has another place on the camera arm than in the rig file", i,
-                a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(
                 "camera %d is %s with %d × %d pixels, but in the rig file it is %s with "
                 "%d × %d",
                 i, a->name, a->width, a->height, b->name, b->width, b->height);
+        else if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
+            why = g_strdup_printf(
+                "camera %d, %s, has another place on the camera arm than in the rig file", i,
+                a->name);
     }
     for (int i = 0; i < rig->n_lamps && !why; i++)
         why = differ("lamp", i, rig->lamps[i].name, rig->lamps[i].fixed, nominal->lamps[i].name,
