@@ -102,7 +102,7 @@ struct process {
     const char *directory;
     const char *calibration,
         *path; /* text and origin of the calibration; NULL for that of the session */
-    gboolean follow, lines_in_pictures, told;
+    gboolean follow, lines_in_pictures, plain_merge, told;
     struct pipeline_result result;
     GPtrArray *causes; /* of char *: why little was measured */
 };
@@ -125,6 +125,7 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
         .calibration = process->calibration,
         .calibration_path = process->path,
         .lines_in_pictures = process->lines_in_pictures,
+        .plain_merge = process->plain_merge,
         .causes = process->causes,
         .work = *work,
     };
@@ -165,7 +166,7 @@ static char *read_calibration(const char *directory, const char *path, GError **
 }
 
 static gboolean follow_option;
-static char *calibration_option, *lines_option;
+static char *calibration_option, *lines_option, *merge_option;
 static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option,
      "Process the frames of a capture until it ends", NULL},
@@ -177,6 +178,9 @@ static const GOptionEntry entries[] = {
      "Find laser lines by the peak of each pixel, or in each picture for comparison, which needs "
      "keep_laser_frames in the session (peaks)",
      "peaks|pictures"},
+    {"merge", 0, 0, G_OPTION_ARG_STRING, &merge_option,
+     "Merge the laser positions without outliers, or by the plain mean for comparison (robust)",
+     "robust|mean"},
     {NULL},
 };
 
@@ -187,6 +191,10 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command,
                          "there is no --laser-lines=%s; choose from: peaks, pictures",
                          lines_option);
+    const gboolean mean = g_strcmp0(merge_option, "mean") == 0;
+    if (merge_option && !mean && !g_str_equal(merge_option, "robust"))
+        return cli_usage(call->command, "there is no --merge=%s; choose from: robust, mean",
+                         merge_option);
     g_autofree char *calibration =
         calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
     if (calibration_option && !calibration)
@@ -194,7 +202,7 @@ static int run(const struct call *call, GError **error) {
     g_autofree char *path = !calibration_option || g_str_equal(calibration_option, "nominal")
                                 ? g_strdup("nominal")
                                 : g_canonicalize_filename(calibration_option, NULL);
-    struct process process = {directory, calibration, path, follow_option, pictures};
+    struct process process = {directory, calibration, path, follow_option, pictures, mean};
     return run_process(&process, call->record, error);
 }
 

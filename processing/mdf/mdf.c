@@ -83,6 +83,7 @@ struct MdfView {
     guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     /* of each sweep: mdf_weight(), distance within which candidates agree, and depth of a frame */
+    gboolean plain; /* see mdf_view_set_plain() */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
     double line_frames[MDF_MAX_SWEEPS]; /* median standard deviation of the line in frames; 0 if
@@ -531,7 +532,7 @@ static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
     for (int s = 0; s < view->n_sweeps; s++)
-        for (int rank = 0; rank < 2; rank++) {
+        for (int rank = 0; rank < (view->plain ? 1 : 2); rank++) {
             const struct seen *seen = &view->seen[s][2 * texel + rank];
             if (seen->mm < 0 || !(view->weight[s] > 0))
                 continue;
@@ -545,9 +546,10 @@ static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
             memcpy(ret[n++].bend_mm, seen->bend_mm, sizeof seen->bend_mm);
         }
     for (int i = 0; i < n; i++) {
-        double bright = most > 0 ? ret[i].dn / most : 1;
-        ret[i].weight =
-            view->weight[ret[i].sweep] * bright * bright / (bright * bright + FAINT * FAINT);
+        const double bright = most > 0 ? ret[i].dn / most : 1;
+        ret[i].weight = view->weight[ret[i].sweep];
+        if (!view->plain)
+            ret[i].weight *= bright * bright / (bright * bright + FAINT * FAINT);
     }
     return n;
 }
@@ -760,6 +762,10 @@ static int keep_continuing(const MdfView *view, const float *sure, int texel,
     return kept;
 }
 
+void mdf_view_set_plain(MdfView *view) {
+    view->plain = TRUE;
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
@@ -768,7 +774,8 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     g_autofree struct known_share *shares = g_new0(struct known_share, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = collect(view, i, candidates);
-        struct mdf_merged merged = mdf_merge(candidates, n, least);
+        struct mdf_merged merged =
+            view->plain ? mdf_merge_mean(candidates, n) : mdf_merge(candidates, n, least);
         if (merged.n > 0)
             shares[i] = share_known(view, i, candidates, merged.n, (double)merged.mm);
         sure[i] = ret_distance[i] = merged.mm;

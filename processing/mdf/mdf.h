@@ -34,6 +34,10 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
  * ret_error of mdf_view_merge(). Without this call, the model counts as exact. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
 
+/* Makes mdf_view_merge() compute the plain weighted mean of Wang et al. 2005 §3.2 over the
+ * brightest pulse of each sweep, for comparison. A reflection then shifts the distance. */
+void mdf_view_set_plain(MdfView *view);
+
 /* Merges all sweeps. Results have n_texels values each.
  *   ret_distance   mm; −1 if unknown: no sweep saw the texel; or, with four sweeps or more, the
  *                  sweeps that saw it contradict each other, and none of them continues the

@@ -94,7 +94,7 @@ static void spread_of(const struct mdf_candidate *samples, int n, double mean,
         bend_of(samples, n, k, &ret->bend_mm[k], &ret->noise_mm2[k]);
 }
 
-static struct mdf_merged mean_of(const struct mdf_candidate *samples, int n) {
+struct mdf_merged mdf_merge_mean(const struct mdf_candidate *samples, int n) {
     struct mdf_merged merged = {.mm = -1};
     double weights = 0, sum = 0;
     for (int i = 0; i < n; i++) {
@@ -140,5 +140,5 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
     for (int i = 0; i < one_each; i++)
         if (fabs(candidates[i].mm - mode) <= MAX(3 * spread, candidates[i].tolerance_mm))
             candidates[kept++] = candidates[i];
-    return kept < least ? nothing : mean_of(candidates, kept);
+    return kept < least ? nothing : mdf_merge_mean(candidates, kept);
 }

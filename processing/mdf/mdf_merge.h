@@ -41,3 +41,7 @@ struct mdf_merged {
  * mode is the distance that has the support of the largest weight of sweeps. Each sweep contributes
  * its candidate that is closest to the mode. Sweeps without a close candidate are outliers. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);
+
+/* Merges as Wang et al. 2005 §3.2 prints it, for comparison: the mean of all candidates by their
+ * weights. There is one candidate of each sweep. */
+struct mdf_merged mdf_merge_mean(const struct mdf_candidate *candidates, int n);

@@ -425,6 +425,9 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     job->lines_in_pictures = catalogue->lines_in_pictures;
     if (job->lines_in_pictures)
         input_hash(sum, "lines in pictures");
+    job->plain_merge = catalogue->plain_merge;
+    if (job->plain_merge)
+        input_hash(sum, "plain merge");
     gboolean waiting = FALSE;
     for (guint i = 0; i < catalogue->lasers->len && job->sweeps->len < MDF_MAX_SWEEPS; i++) {
         const struct session_direction *direction = g_ptr_array_index(catalogue->lasers, i);

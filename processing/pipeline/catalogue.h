@@ -26,7 +26,8 @@ struct catalogue {
     GPtrArray *frame_rows;
     GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
     const char *directory;
-    gboolean lines_in_pictures; /* set to FALSE by catalogue_load(); see struct pipeline_options */
+    /* set to FALSE by catalogue_load(); see struct pipeline_options */
+    gboolean lines_in_pictures, plain_merge;
 };
 
 /* Reads the state of a session. calibration is as in struct pipeline_options. */
@@ -73,7 +74,7 @@ struct mdf_job {
      * sample is seen; 0 if unknown */
     double sight_px2[2][2];
     GArray *sweeps; /* of struct mdf_input, in order of laser position */
-    gboolean lines_in_pictures;
+    gboolean lines_in_pictures, plain_merge;
     char *inputs; /* hash of all members above */
 };
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */

@@ -147,6 +147,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     struct mdf_lines lines = {.worst_position = -1};
     struct mdf_light light;
     mdf_view_set_sight(view, job->sight_px2);
+    if (job->plain_merge)
+        mdf_view_set_plain(view);
     for (guint i = 0; i < job->sweeps->len; i++)
         if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
             !add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),

@@ -592,6 +592,7 @@ static gboolean begin(struct run *run, GError **error) {
     if (!run->catalogue)
         return FALSE;
     run->catalogue->lines_in_pictures = run->options->lines_in_pictures;
+    run->catalogue->plain_merge = run->options->plain_merge;
     run->n_views = (int)run->catalogue->views->len;
     for (int stage = 0; stage < N_STAGES; stage++)
         run->made[stage] = g_new0(gboolean, run->n_views);

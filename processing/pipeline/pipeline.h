@@ -57,6 +57,9 @@ struct pipeline_options {
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
+    /* Merges the laser positions by the plain mean of the paper (mdf_view_set_plain()), for
+     * comparison. */
+    gboolean plain_merge;
     /* receives the sentences of causes_find() (char *); NULL if they are not needed */
     GPtrArray *causes;
     struct work work;

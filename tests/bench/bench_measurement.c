@@ -26,7 +26,7 @@ static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
 static int steps = 64, every = 1;
 static double relief_mm;
-static gboolean quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures;
+static gboolean quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures, plain_merge;
 static char *only, *pictures;
 
 static const GOptionEntry entries[] = {
@@ -40,6 +40,8 @@ static const GOptionEntry entries[] = {
     {"steps", 0, 0, G_OPTION_ARG_INT, &steps, "Frames a laser sweep (64)", "N"},
     {"no-btf", 0, 0, G_OPTION_ARG_NONE, &no_btf, "Leave the BTF out", NULL},
     {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
+    {"plain-merge", 0, 0, G_OPTION_ARG_NONE, &plain_merge,
+     "Merge laser positions by the plain mean of Wang et al. 2005", NULL},
     {"every", 0, 0, G_OPTION_ARG_INT, &every, "Only every N-th of the 26 laser positions (1)", "N"},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material, or another kind of sample", "KIND"},
     {"relief", 0, 0, G_OPTION_ARG_DOUBLE, &relief_mm, "Its relief, instead of its own", "MM"},
@@ -298,7 +300,7 @@ static void print_mdf(const struct bench_setup *setup) {
     bench_begin_list("mdf");
     for (int view = 0; view < RIG_VIEWS; view++) {
         bench_mdf_init(&all[view]);
-        bench_mdf(setup, view, steps, every, &all[view]);
+        bench_mdf(setup, view, steps, every, plain_merge, &all[view]);
         print_view(view, &all[view]);
         chi2[view] = mean_of(all[view].chi2);
         edges[view] = mean_of(all[view].edge_chi2);
@@ -388,7 +390,7 @@ static void measure(const char *material) {
     else if (pictures && only_mdf_pictures) {
         struct bench_mdf view;
         bench_mdf_init(&view);
-        bench_mdf(&setup, SHOWN_VIEW, steps, every, &view);
+        bench_mdf(&setup, SHOWN_VIEW, steps, every, plain_merge, &view);
         draw_mdf(&setup, &view);
         bench_mdf_clear(&view);
     } else if (!no_mdf)

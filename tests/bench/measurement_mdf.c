@@ -138,7 +138,7 @@ static gint64 count_dark(const struct bench_setup *setup, int view, double turnt
     return dark;
 }
 
-void bench_mdf(const struct bench_setup *setup, int view, int steps, int every,
+void bench_mdf(const struct bench_setup *setup, int view, int steps, int every, gboolean plain,
                struct bench_mdf *ret) {
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = bench_world(setup, &error);
@@ -149,6 +149,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, int every,
     struct truth_grid truth_grid = bench_truth_grid(setup);
     double turntable_deg = 24.0 * view;
     g_autoptr(MdfView) mdf = mdf_view_new(&rig.cameras[view], RAD(turntable_deg), &grid);
+    if (plain)
+        mdf_view_set_plain(mdf);
     gsize n_pixels = (gsize)rig.cameras[view].width * (gsize)rig.cameras[view].height;
     g_autofree float *peak = g_new(float, n_pixels), *width = g_new(float, n_pixels);
     g_autofree float *intensity = g_new(float, n_pixels);

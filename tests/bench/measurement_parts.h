@@ -41,8 +41,8 @@ struct bench_mdf {
 void bench_mdf_init(struct bench_mdf *mdf);
 void bench_mdf_clear(struct bench_mdf *mdf);
 
-/* Of one view, added to ret; with every n-th laser position. */
-void bench_mdf(const struct bench_setup *setup, int view, int steps, int every,
+/* Of one view, added to ret; with every n-th laser position. plain: see mdf_view_set_plain(). */
+void bench_mdf(const struct bench_setup *setup, int view, int steps, int every, gboolean plain,
                struct bench_mdf *ret);
 
 /* How well sweep.h tells a pulse's time, against the Cramér–Rao bound. */

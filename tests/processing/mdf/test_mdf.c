@@ -1,5 +1,6 @@
 #include "lib/test.h"
 #include "mdf/mdf.h"
+#include "mdf/mdf_merge.h"
 
 #include "frames/rectify.h"
 #include "lib/analytic.h"
@@ -603,4 +604,18 @@ TEST(weight) {
     g_assert_cmpfloat(mdf_weight(NULL, &rig, 0, rig.position_mm), <, 1e-6 * weight);
     /* Camera in the sheet's plane: neither. */
     g_assert_cmpfloat(mdf_weight(NULL, &rig, G_PI_2, vec3(300, l[0], l[1])), <, 1e-6 * weight);
+}
+
+/* The published merge is the plain weighted mean, with the outlier that the robust merge leaves
+ * out.
+ */
+TEST(merge__mean) {
+    struct mdf_candidate candidates[3] = {
+        {.mm = 1.0F, .tolerance_mm = 0.1F, .frame_mm = 0.1F, .sweep = 0, .weight = 2.0},
+        {.mm = 1.0F, .tolerance_mm = 0.1F, .frame_mm = 0.1F, .sweep = 1, .weight = 1.0},
+        {.mm = 5.0F, .tolerance_mm = 0.1F, .frame_mm = 0.1F, .sweep = 2, .weight = 1.0},
+    };
+    g_assert_cmpfloat((double)mdf_merge_mean(candidates, 3).mm, ==, 2.0);
+    g_assert_cmpint(mdf_merge_mean(candidates, 3).n, ==, 3);
+    g_assert_cmpfloat((double)mdf_merge(candidates, 3, 1).mm, ==, 1.0);
 }
