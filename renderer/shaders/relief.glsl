@@ -16,7 +16,8 @@ const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
 
 #ifdef MDF_VOLUME
-uniform sampler3D mdf_volume; // distances of views, as shares of the deepest; see mdf_texture.h
+uniform sampler3D mdf_volume; // distances of views, as shares of mdf_longest; see mdf_texture.h
+uniform float mdf_longest;
 uniform int mdf_rings;
 uniform vec4 mdf_ring[16]; // θ in rad, centre of the first slice, number of views, φ of the first
                            // view in turns
@@ -54,7 +55,7 @@ float sum_of_maps(vec2 x, vec2 at, float level) {
 #endif
 
 #ifdef MDF_VOLUME
-float depth_in_ring(vec2 x, vec4 ring, float turns) {
+float distance_in_ring(vec2 x, vec4 ring, float turns) {
     float slice = ring.y + ring.z * fract(turns - ring.w);
     return texture(mdf_volume, vec3(x, slice / float(textureSize(mdf_volume, 0).z))).r;
 }
@@ -66,7 +67,9 @@ float depth_in_volume(vec2 x, vec3 d) {
         k++;
     vec4 upper = mdf_ring[k], lower = mdf_ring[min(k + 1, mdf_rings - 1)];
     float share = clamp((theta - upper.x) / max(lower.x - upper.x, 1e-6), 0.0, 1.0);
-    return mdf_deepest * mix(depth_in_ring(x, upper, turns), depth_in_ring(x, lower, turns), share);
+    float distance =
+        mix(distance_in_ring(x, upper, turns), distance_in_ring(x, lower, turns), share);
+    return min(mdf_longest * distance * d.z, mdf_deepest);
 }
 #endif
 

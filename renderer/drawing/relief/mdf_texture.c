@@ -22,10 +22,15 @@ struct MdfTexture {
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
-    struct mdf_table *measured; /* copy of the measured views; NULL when there is a shell */
+    struct mdf_table *measured; /* copy of the measured views */
     guint shell;                /* texture; 0 before it is first used */
+    /* For along.glsl: directions of the measured views, their depths as shares of the deepest, and
+     * their triangulation; 0 before they are first used. */
+    guint along_views, along_depths;
+    struct direction_textures along;
     double most_per_mm, top_mm; /* as in mdf_shell.h */
     guint volume;               /* texture; 0 before it is first used */
+    double longest_mm;          /* scale of the volume */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
                /* θ in rad, centre of the first slice in slices, number of views, φ of the first
@@ -322,13 +327,19 @@ static void upload_volume(MdfTexture *texture) {
     g_autofree guint8 *bytes = g_new(guint8, n * slices);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
     glGetTexImage(GL_TEXTURE_2D_ARRAY, 0, GL_RED, GL_FLOAT, values);
-    const double scale = texture->deepest_mm > 0.0 ? 255.0 / texture->deepest_mm : 0.0;
+    for (int ring = 0, first = 0; ring < texture->n_rings; first += (int)texture->rings[ring++][2])
+        for (gsize i = 0; i < n * (gsize)texture->rings[ring][2]; i++)
+            texture->longest_mm = MAX(
+                texture->longest_mm, (texture->min_mm + texture->scale_mm * values[n * first + i]) /
+                                         cos(texture->rings[ring][0]));
+    const double scale = texture->longest_mm > 0.0 ? 255.0 / texture->longest_mm : 0.0;
     for (int ring = 0, first = 0; ring < texture->n_rings; ring++) {
         int count = (int)texture->rings[ring][2];
         for (int k = 0; k <= count; k++, slice++)
             for (gsize i = 0; i < n; i++) {
-                double mm =
-                    texture->min_mm + texture->scale_mm * values[n * (first + k % count) + i];
+                const double mm =
+                    (texture->min_mm + texture->scale_mm * values[n * (first + k % count) + i]) /
+                    cos(texture->rings[ring][0]);
                 bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
             }
         first += count;
@@ -386,6 +397,7 @@ void mdf_texture_bind(const MdfTexture *texture, guint program) {
         glUniform1f(glGetUniformLocation(program, "mdf_top"), texture->top_mm);
     } else if (glGetUniformLocation(program, "mdf_volume") >= 0) {
         gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
+        glUniform1f(glGetUniformLocation(program, "mdf_longest"), texture->longest_mm);
         glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
         glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,
                      texture->rings[0]);
