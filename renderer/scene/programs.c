@@ -35,11 +35,13 @@ void programs_free(Programs *programs) {
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct places_source *places, const struct viewer_settings *s,
                    GError **error) {
-    static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", NULL};
-    static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl", NULL};
-    static const char *const after[][7] = {
+    static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", "directions.glsl",
+                                         NULL};
+    static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl",
+                                              "directions.glsl", NULL};
+    static const char *const after[][8] = {
         {"further.glsl", "lamps.glsl", "surface.frag", NULL},
-        {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl",
+        {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", "along.glsl",
          "surface_relief.frag", NULL},
         {"flat.frag", NULL},
     };
@@ -48,10 +50,12 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *of_places = places_constants(places, s->style.nearest);
     g_autofree char *constants =
-        g_strdup_printf("#define SOFT_SHADOWS\n#define CURVED %d\n#define LAMPS %d\n#define "
+        g_strdup_printf("#define SOFT_SHADOWS\n#define CURVED %d\n#define ALONG %d\n#define "
+                        "LAMPS %d\n#define "
                         "LAMP_SHADOWS %d\n#define "
                         "AMBIENT %d\n%s%s%s%s",
-                        kind == PROGRAM_RELIEF, s->n_lamps > 0,
+                        kind == PROGRAM_RELIEF, kind == PROGRAM_RELIEF && s->along_surface,
+                        s->n_lamps > 0,
                         kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0,
                         s->lamp > 0 || s->ambient > 0 ? "" : no_first,
                         lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_places, own ? own : "");

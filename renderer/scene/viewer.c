@@ -511,6 +511,7 @@ static gboolean look(const Viewer *viewer, const struct viewer_settings *s, int 
         .serial = viewer->serial,
         .silhouettes = s->silhouettes,
         .shadows = s->shadows,
+        .along_surface = s->along_surface,
         .lit = s->lamp > 0.0,
         .n_further = s->n_lamps,
         .light_size_deg = s->light_size_deg,

@@ -59,6 +59,10 @@ struct viewer_settings {
      * structure also casts and receives them (§4.2). */
     gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
+    /* With silhouettes by the shell: measured views are moved along the surface before they are
+     * mixed (along.glsl). The reference does so, too, if it has an MDF
+     * (reference_move_along_surface()). */
+    gboolean along_surface;
     /* Angle that the first lamp covers in the sky, seen from the mesh. 0 gives sharp shadows. Other
      * lamps always have sharp shadows. */
     double light_size_deg;

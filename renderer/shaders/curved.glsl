@@ -75,13 +75,15 @@ const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh an
 struct ray_end {
     vec2 texel;
     vec3 v;
-    mat3 turn; // rotation from the frame where the ray enters to the frame at its end
+    mat3 turn;      // rotation from the frame where the ray enters to the frame at its end
+    vec2 foot;      // point of the mesh nearest to the end, in tiles
+    float depth_mm; // of the end, below the reference plane of the flat sample
 };
 
 // Returns the end of a ray that goes into the mesh by the distance way. v is the direction towards
 // the eye where the ray enters.
 ray_end find_end(vec3 v, float way) {
-    ray_end end = ray_end(texel, v, mat3(1.0));
+    ray_end end = ray_end(texel, v, mat3(1.0), texel, 0.0);
     if (!curved)
         return end;
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
@@ -90,10 +92,12 @@ ray_end find_end(vec3 v, float way) {
     for (int k = 0; k < END_STEPS && m.down > 0.0; k++)
         march(m, b, mm, way / float(END_STEPS));
     vec2 grown = grown_at(m.foot);
-    float scale = sqrt(grown.x * grown.y), depth_mm = m.depth / (mm.z * scale);
+    float scale = sqrt(grown.x * grown.y);
     vec2 along = m.along * scale / grown;
     end.v = normalize(vec3(-along, max(m.down, MIN_RISE * length(along))));
-    end.texel = m.x + depth_mm * vec2(end.v.x, -end.v.y) / end.v.z / mdf_size;
+    end.foot = m.x;
+    end.depth_mm = m.depth / (mm.z * scale);
+    end.texel = m.x + end.depth_mm * vec2(end.v.x, -end.v.y) / end.v.z / mdf_size;
     vec2 turn = b * m.foot;
     float angle = length(turn), c = cos(angle), s = sin(angle);
     vec2 t = angle > 1e-6 ? turn / angle : vec2(1.0, 0.0);

@@ -65,6 +65,10 @@ vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]) {
     ivec2 row = ivec2(cluster % clusters_a_layer * n_rows, cluster / clusters_a_layer);
     vec3 sum = vec3(0.0);
     for (int a = 0; a < 3; a++) {
+#if ALONG
+        if (g[a] < 0.01) // each call is for one measured view (along.glsl)
+            continue;
+#endif
         ivec2 at = row + ivec2(views[a], 0);
         for (int b = 0; b < 3; b++)
             sum += g[a] * h[b] * reflectance(one_pair(lights[b], at, share, w));

@@ -218,12 +218,13 @@ places find_places(vec2 x, float level) {
 }
 #endif
 
-#if PLACES || CURVED
 // Sets place_dx and place_dy, and returns the mip level of the index map. Call this function before
 // branches, because it takes derivatives.
 float prepare_places(vec2 x) {
+#if PLACES || CURVED
     place_dx = dFdx(x);
     place_dy = dFdy(x);
+#endif
 #if PLACES != 1
     return 0.0;
 #else
@@ -232,6 +233,7 @@ float prepare_places(vec2 x) {
 #endif
 }
 
+#if PLACES || CURVED
 // From now on, PLACE_TEXTURE() returns the mean of the sample, from its coarsest mip level.
 void prepare_mean() {
     place_dx = vec2(1e4, 0.0);

@@ -4,5 +4,6 @@ void main() {
         return;
     }
     mat3 frame = local_frame();
-    colour = vec4(shade(frame, texel, frame * normalize(eye - world), world, 1.0), 1.0);
+    places at = find_places(texel, prepare_places(texel));
+    colour = vec4(shade(frame, at, frame * normalize(eye - world), world, 1.0), 1.0);
 }

@@ -1,13 +1,14 @@
 void main() {
     vec3 v = normalize(eye - world);
     mat3 frame = local_frame();
-    float way = way_to_structure();
+    float way = way_to_structure(), level = prepare_places(texel);
     vec3 p = world - way * v;
-#if CURVED
     ray_end end = find_end(frame * v, way);
-    vec3 shown = shade(end.turn * frame, end.texel, end.v, p, lamp_at(p));
+    frame = end.turn * frame;
+#if ALONG
+    vec3 shown = shade_along(frame, end, level, p, lamp_at(p));
 #else
-    vec3 shown = shade(frame, texel, frame * v, p, lamp_at(p));
+    vec3 shown = shade(frame, find_places(end.texel, level), end.v, p, lamp_at(p));
 #endif
     colour = vec4(gl_FrontFacing ? shown : vec3(0.02), 1.0);
 }

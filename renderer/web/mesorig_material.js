@@ -77,7 +77,7 @@ export class MesorigMaterial extends RawShaderMaterial {
     this.pca = new LocalPca(this.gpu, material);
     this.relief = new Relief(this.gpu, material);
     renderer.resetState();
-    const constants = "#define CURVED 1\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
+    const constants = "#define CURVED 1\n#define ALONG 0\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
       `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
     this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
     this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,

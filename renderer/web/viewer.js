@@ -84,7 +84,7 @@ export class Viewer {
     const names = relieved
       ? ["shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", "surface_relief.frag"]
       : ["further.glsl", "lamps.glsl", "surface.frag"];
-    const constants = `#define CURVED ${relieved ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
+    const constants = `#define CURVED ${relieved ? 1 : 0}\n#define ALONG 0\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
       `#define AMBIENT ${s.ambient > 0 ? 1 : 0}\n`;
     const program = gpu.program(constants + this.pca.constants,
       ["mesh.vert", "frame.glsl", "places.glsl", ...localPcaShaders, ...names]);

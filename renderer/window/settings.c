@@ -47,6 +47,10 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_MDF_VIEWS] = FLAG("mdf-views", NULL, settings.visibility.views,
                                "Distances mixed from the nearest views, without overhangs, for "
                                "comparison"),
+    [SETTING_ALONG_SURFACE] =
+        FLAG("along-surface", "views along the surface", settings.along_surface,
+             "With --silhouettes, or --reference of a session: views move along the surface of the "
+             "MDF before they are mixed"),
     [SETTING_SHADOW_MAP] = {"shadow-map", NULL, SETTING_WHOLE, AT(settings.shadow_size), 16.0,
                             16384.0, "%.0f", "PIXELS",
                             "Size of the shadow map of the first lamp, 16 … 16384, default 1024"},

@@ -63,6 +63,8 @@ static char *drawn_of(const struct viewer_settings *s) {
         g_string_append(text, ", distances in a volume");
     if (s->silhouettes && s->visibility.views)
         g_string_append(text, ", distances of the nearest views");
+    if (s->silhouettes && s->along_surface)
+        g_string_append(text, ", views along the surface");
     if (s->silhouettes && s->visibility.layers != viewer_settings_default.visibility.layers)
         g_string_append_printf(text, ", %d layers", s->visibility.layers);
     if (s->shadows)

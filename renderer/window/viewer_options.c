@@ -220,8 +220,13 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--measured compares under a light that is far away; leave out --light-distance"},
         {s->light_cone_deg > 0.0 && s->light_distance == 0.0,
          "--light-cone-deg needs --light-distance"},
-        {o->along_surface && (!o->reference || !session || o->index != NULL),
-         "--along-surface needs --reference and a session, without --index"},
+        {s->along_surface && o->reference && (!session || o->index != NULL),
+         "--along-surface with --reference needs a session, without --index"},
+        {s->along_surface && !o->reference &&
+             (!s->silhouettes || s->visibility.straight || s->visibility.volume ||
+              s->visibility.views),
+         "--along-surface needs --silhouettes or --reference, without --straight, --mdf-volume "
+         "and --mdf-views"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
          "--index needs a MATERIAL, without --plain, --live and --measured"},

@@ -32,7 +32,7 @@ struct viewer_options {
     /* Numbers as given, or 0: pictures; frames after which the window closes; samples of a pixel in
      * each direction; columns of a sheet */
     int frames, close_after, supersample, sheet;
-    gboolean floor, reference, along_surface, light_turn, camera_turn, json, sample, force;
+    gboolean floor, reference, light_turn, camera_turn, json, sample, force;
     struct viewer_settings settings;
     char **rest; /* arguments that are not options */
     /* MATERIAL: the directory of a session, or a file. NULL if the method needs none. */

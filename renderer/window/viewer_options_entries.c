@@ -149,9 +149,6 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         FLAG("reference", &o->reference,
              "With --render: draws the session's whole BTF instead of its eigen-maps, or draws a "
              "compressed file on the processor; slow"),
-        FLAG("along-surface", &o->along_surface,
-             "With --reference of a session: views move along the surface of its MDF before they "
-             "are mixed"),
         OPTION("split", STRING, &o->split, "METHOD",
                "Draws the right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",

@@ -97,6 +97,8 @@ static void draw_shape(struct window *w) {
         window_toggle_silhouettes(w);
     ui_same_line();
     window_draw_setting(w, SETTING_SHADOWS);
+    if (silhouettes)
+        window_draw_setting(w, SETTING_ALONG_SURFACE);
 }
 
 static void draw_camera(struct window *w) {

@@ -193,6 +193,7 @@ enum {
     SHADOWS_ONLY,
     VIEWS,
     VIEWS_SHADOWS,
+    ALONG,
     PUBLISHED,
     PUBLISHED_SHADOWS,
     N_VARIANTS
@@ -209,6 +210,7 @@ static const struct {
                           /* mesorig-view --mdf-views */
                           {"views_silhouettes", 0},
                           {"views_silhouettes_shadows", 2.0},
+                          {"along_surface", 0}, /* with silhouettes */
                           /* Peeling in a number of passes that the user says, straight rays and
                            * distances in a volume: Wang et al. 2005, table 2. */
                           {"published_silhouettes", 0},
@@ -231,6 +233,7 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
         s.silhouettes = v >= SILHOUETTES && v != SHADOWS_ONLY;
         s.shadows =
             v == SHADOWS || v == SHADOWS_ONLY || v == VIEWS_SHADOWS || v == PUBLISHED_SHADOWS;
+        s.along_surface = v == ALONG;
         s.visibility.views = v == VIEWS || v == VIEWS_SHADOWS;
         s.visibility.way = v == PEELED || published ? VISIBILITY_PEEL : VISIBILITY_AUTO;
         s.visibility.straight = s.visibility.volume = published;
@@ -251,6 +254,8 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
             if (variants[k].limit > 0)
                 bench_put_double(variants[k].name, "_limit", "%.2f", variants[k].limit);
         }
+        bench_put("%.3f{along_surface_ratio_to_silhouettes} %.1f{along_surface_limit}",
+                  ms[ALONG] / ms[SILHOUETTES], 2.0);
         bench_put("%.3f{ratio}", ms[BTF] / ms[PLAIN]);
         bench_end();
     }

@@ -1,7 +1,8 @@
 /*
  * Compares views that are predicted along the surface (reprojection/reprojection.h) with the same
- * views interpolated at each texel, as drawing does it (directions.h). Views of a session are left
- * out, by default the rings at 30° and 60° of five rings that are 15° apart, so that neighbours are
+ * views interpolated at each texel, as drawing does it (directions.h), and with what mesorig-view
+ * --along-surface draws (along.glsl; error_shell). Views of a session are left out, by default the
+ * rings at 30° and 60° of five rings that are 15° apart, so that neighbours are
  * 30° apart in the polar angle. The MDF is computed from the other views, which then predict the
  * views left out. The truth is what the rig has measured in the views left out. With --truth it is
  * what the simulated world says (world.conf next to the session), and the measured views are
@@ -23,8 +24,10 @@
 #include "btf/btf_matrix.h"
 #include "directions/directions.h"
 #include "exr/exr.h"
+#include "lib/direction.h"
 #include "mdf/mdf_views.h"
 #include "mdf/reprojection.h"
+#include "mdf/shell_ray.h"
 #include "metrics/delta_e.h"
 #include "session/session.h"
 #include "world/truth.h"
@@ -43,10 +46,15 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
+/* As in along.glsl. */
+#define DROPPED 0.2F
+#define UNSEEN  0.05
+#define SHORTER 0.7
+
 #define SCALE    6  /* pixels a texel in pictures */
 #define MAX_POLE 64 /* views of the topmost ring */
 
-enum { MIXED, ALONG, MEASURED, WAYS };
+enum { MIXED, ALONG, SHELL, MEASURED, WAYS };
 
 struct sums {
     double squares[WAYS], norm, delta_e[WAYS];
@@ -63,6 +71,9 @@ struct scene {
     float **settled;
     Reprojection *reprojection;
     Directions *directions; /* of those kept */
+    Directions *triangles;  /* of those kept, triangulated */
+    MdfTable *table;
+    MdfShell *shell;
     float **truth;     /* of each view left out, n_texels × n_lights × 3; NULL: as measured */
     struct sums *sums; /* of each view left out */
     double seconds;    /* CPU, for finding taps */
@@ -110,6 +121,32 @@ static void reprojection_bench_settle(int k, gpointer data) {
     mdf_views_settle(eyes, scene->n_kept, k, &scene->plane, scene->settled[k], source);
 }
 
+/* Makes the shell of the views that are kept. */
+static void reprojection_bench_shell_of(struct scene *scene, const float *theta_deg,
+                                        const float *phi_deg) {
+    const struct mdf_plane *plane = &scene->plane;
+    const int n = plane->width * plane->height;
+    MdfTable *t = scene->table = mdf_table_new(plane->width, plane->height, scene->n_kept,
+                                               plane->texel_mm, theta_deg, phi_deg);
+    t->seen = g_new0(guint8, n * scene->n_kept);
+    for (int k = 0; k < scene->n_kept; k++) {
+        struct mdf_eye eye = {0};
+        memcpy(eye.centre_mm, scene->views[k].centre_mm, sizeof eye.centre_mm);
+        float *depth = t->depth_mm + k * n;
+        for (int i = 0; i < n; i++) {
+            const double mm = (double)scene->settled[k][i];
+            t->seen[k * n + i] = mm >= 0;
+            depth[i] =
+                mm >= 0 ? (float)MAX(plane->reference_mm - mdf_views_point(&eye, plane, i, mm).z, 0)
+                        : -1;
+        }
+        mdf_table_fill(depth, plane->width, plane->height);
+        for (int i = 0; i < n; i++)
+            t->deepest_mm = MAX(t->deepest_mm, (double)depth[i]);
+    }
+    scene->shell = mdf_shell_new(t);
+}
+
 static void reprojection_bench_open(struct scene *scene, const char *session) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(session, "products", "mdf.exr", NULL);
@@ -150,6 +187,58 @@ static void reprojection_bench_open(struct scene *scene, const char *session) {
         reprojection_new(&scene->plane, scene->views, scene->n_kept, FALSE, &error);
     bench_check(error);
     scene->sums = g_new0(struct sums, scene->n_out);
+    scene->triangles = directions_new_triangulated(theta, phi, scene->n_kept, &error);
+    bench_check(error);
+    reprojection_bench_shell_of(scene, theta, phi);
+}
+
+static void reprojection_bench_bilinear(const struct scene *scene, double u, double v, int texel[4],
+                                        float w[4]) {
+    const int width = scene->plane.width, height = scene->plane.height;
+    const double x = u * width - 0.5, y = v * height - 0.5;
+    const int i = (int)floor(x), j = (int)floor(y);
+    for (int k = 0; k < 4; k++) {
+        const int c = CLAMP(i + (k & 1), 0, width - 1), r = CLAMP(j + (k >> 1), 0, height - 1);
+        texel[k] = r * width + c;
+        w[k] = (float)((k & 1 ? x - i : 1 - x + i) * (k >> 1 ? y - j : 1 - y + j));
+    }
+}
+
+/* Taps as along.glsl draws: the shell says where the ray ends. */
+static int reprojection_bench_shell(const struct scene *scene, int texel, struct vec3 v,
+                                    struct reprojection_tap *ret) {
+    const MdfTable *t = scene->table;
+    const int n_texels = t->width * t->height;
+    const double width_mm = t->width * t->texel_mm, height_mm = t->height * t->texel_mm;
+    const struct shell_surface flat = {.tile = {width_mm, height_mm}};
+    struct shell_hit hit = {0};
+    struct direction_weights weights;
+    float sum = 0;
+    int n = 0;
+    shell_ray_march(scene->shell, &flat, (texel % t->width + 0.5) / t->width,
+                    (texel / t->width + 0.5) / t->height, (const double[]){v.x, v.y, v.z}, INFINITY,
+                    &hit);
+    directions_weights(scene->triangles, v, &weights);
+    for (int i = 0; i < 4; i++) {
+        const int k = weights.index[i];
+        const float share = MAX(weights.weight[i] - DROPPED, 0.0F);
+        const struct vec3 to = direction_of_deg((double)t->theta_deg[k], (double)t->phi_deg[k]);
+        int texels[4];
+        float near[4];
+        double depth = 0;
+        reprojection_bench_bilinear(scene, hit.u + hit.depth_mm * to.x / to.z / width_mm,
+                                    hit.v - hit.depth_mm * to.y / to.z / height_mm, texels, near);
+        for (int j = 0; j < 4; j++)
+            depth += (double)near[j] * (double)t->depth_mm[k * n_texels + texels[j]];
+        const double q = fabs(hit.depth_mm - depth) / (to.z * t->texel_mm);
+        const float w = share * (float)(pow(to.z, SHORTER) * (CLAMP(2 - q, 0, 1) + UNSEEN));
+        sum += w;
+        for (int j = 0; j < 4 && w > 0; j++)
+            ret[n++] = (struct reprojection_tap){k, texels[j], w * near[j]};
+    }
+    for (int k = 0; k < n; k++)
+        ret[k].weight /= sum;
+    return n;
 }
 
 /* What the views left out would show without noise and errors of the rig. */
@@ -196,6 +285,9 @@ static void reprojection_bench_close(struct scene *scene) {
         g_free(scene->settled[k]);
     reprojection_free(scene->reprojection);
     directions_free(scene->directions);
+    directions_free(scene->triangles);
+    mdf_table_free(scene->table);
+    mdf_shell_free(scene->shell);
     btf_matrix_free(scene->btf);
     exr_file_free(scene->mdf);
     for (int k = 0; k < scene->n_out && scene->truth; k++)
@@ -311,6 +403,7 @@ static void reprojection_bench_view(int k, gpointer data) {
     const gsize row = scene->btf->layout.lights.n * 3;
     double centre[3];
     g_autofree float *mixed = g_new(float, row), *along = g_new(float, row);
+    g_autofree float *shell = g_new(float, row);
     float *shown[3] = {NULL};
     reprojection_bench_centre(scene, view, centre);
     const struct vec3 nominal =
@@ -328,9 +421,11 @@ static void reprojection_bench_view(int k, gpointer data) {
                                                    centre[2] - scene->plane.reference_mm));
         n_taps = reprojection_taps(scene->reprojection, at_mm, towards, &hit, taps);
         reprojection_bench_mix(scene, taps, n_taps, along);
+        n_taps = reprojection_bench_shell(scene, texel, towards, taps);
+        reprojection_bench_mix(scene, taps, n_taps, shell);
         const float *measured = reprojection_bench_values(scene, texel, view);
         const float *truth = scene->truth ? scene->truth[k] + (gsize)texel * row : measured;
-        reprojection_bench_add(scene, (const float *const[]){mixed, along, measured}, truth,
+        reprojection_bench_add(scene, (const float *const[]){mixed, along, shell, measured}, truth,
                                &scene->sums[k]);
         reprojection_bench_depth(scene, view, texel, hit.mm, &scene->sums[k]);
         scene->sums[k].texels++;
@@ -370,14 +465,16 @@ static void reprojection_bench_tell(const char *session, const struct scene *sce
     const double wrong = (double)all.wrong / (double)MAX(all.depths, 1);
     const double fallback = (double)all.fallback / (double)all.texels;
     const double us = 1e6 * scene->seconds / (double)all.texels;
-    bench_row(session,
-              "%d{views_kept} %d{views_left_out} %.4f{error_mixed} %.4f{error_along} "
-              "%.4f{error_measured} %.3f{ratio} %.3f{delta_e_mixed} %.3f{delta_e_along} "
-              "%.3f{delta_e_measured} %.5f{fallback} %.4f{depth_rms_texels} %.5f{depth_wrong} "
-              "%.2f{cpu_us_a_texel}",
-              scene->n_kept, scene->n_out, error[MIXED], error[ALONG], error[MEASURED],
-              error[ALONG] / error[MIXED], delta_e[MIXED], delta_e[ALONG], delta_e[MEASURED],
-              fallback, depth, wrong, us);
+    bench_row(
+        session,
+        "%d{views_kept} %d{views_left_out} %.4f{error_mixed} %.4f{error_along} %.4f{error_shell} "
+        "%.4f{error_measured} %.3f{ratio} %.3f{delta_e_mixed} %.3f{delta_e_along} "
+        "%.3f{delta_e_shell} "
+        "%.3f{delta_e_measured} %.5f{fallback} %.4f{depth_rms_texels} %.5f{depth_wrong} "
+        "%.2f{cpu_us_a_texel}",
+        scene->n_kept, scene->n_out, error[MIXED], error[ALONG], error[SHELL], error[MEASURED],
+        error[ALONG] / error[MIXED], delta_e[MIXED], delta_e[ALONG], delta_e[SHELL],
+        delta_e[MEASURED], fallback, depth, wrong, us);
 }
 
 int main(int argc, char **argv) {

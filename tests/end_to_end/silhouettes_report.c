@@ -9,6 +9,7 @@
 #include "lib/silhouettes_fixture.h"
 #include "metrics/flip.h"
 #include "metrics/psnr.h"
+#include "scene/file_kind.h"
 #include "scene/picture.h"
 
 #include <locale.h>
@@ -16,7 +17,7 @@
 #include <string.h>
 
 struct options {
-    char *world, *session, *picture, *size, **tiles, **rest;
+    char *world, *session, *material, *picture, *size, **tiles, **rest;
     gboolean json, no_floor, traced_mdf;
     int width, height, texels;
     double tile_mm, reference_mm;
@@ -41,7 +42,11 @@ static gboolean read_grid(struct options *o, const char *path, GError **error) {
 
 static Viewer *open_view(const struct options *o, World *world, int tiles_u, int tiles_v,
                          GError **error) {
-    g_autofree char *material = method_path(methods[0], o->session);
+    struct file_opened file = {.method = methods[0]};
+    g_autofree char *material =
+        o->material != NULL ? g_strdup(o->material) : method_path(methods[0], o->session);
+    if (o->material != NULL && !file_kind_find(o->material, &file, error))
+        return NULL;
     const struct truth_grid grid = {o->texels, o->texels, o->tile_mm, o->tile_mm, o->reference_mm};
     g_autofree char *mdf = o->traced_mdf
                                ? silhouettes_write_truth(world, &grid)
@@ -49,9 +54,10 @@ static Viewer *open_view(const struct options *o, World *world, int tiles_u, int
     const struct scene_options scene = {tiles_u, tiles_v, SCENE_Z_UP, !o->no_floor};
     struct mesh *mesh = scene_make(o->shape->name, &scene, error);
     g_autoptr(Viewer) view = viewer_new(NULL, error);
-    gboolean good = view != NULL && viewer_open(view, methods[0], material, error) &&
+    gboolean good = view != NULL && viewer_open(view, file.method, material, error) &&
                     viewer_open_mdf(view, mdf, error) && viewer_set_mesh(view, mesh, error);
     mesh_free(mesh);
+    file_opened_clear(&file);
     return good ? g_steal_pointer(&view) : NULL;
 }
 
@@ -65,7 +71,7 @@ static gboolean compare(const struct options *o, Viewer *view, const struct view
     return TRUE;
 }
 
-enum { BTF, STRAIGHT, VIEWS, MDF, N_WAYS };
+enum { BTF, STRAIGHT, VIEWS, MDF, ALONG, N_WAYS };
 
 /* The scene as diffuse surfaces: direct light, and ambient light as the viewer adds it. Returns the
  * picture as the viewer shows it, width × height × 3 bytes. */
@@ -116,6 +122,7 @@ static gboolean measure(const struct options *o, Displaced *displaced, Viewer *v
         one.silhouettes = way != BTF;
         one.visibility.straight = way == STRAIGHT;
         one.visibility.views = way == VIEWS;
+        one.along_surface = way == ALONG;
         g_autofree float *light =
             viewer_render_linear(view, &one, o->width * s->samples, o->height * s->samples, error);
         g_autofree guint8 *drawn =
@@ -162,7 +169,7 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
     struct way_scores scores[N_WAYS];
     if (!measure(o, displaced, view, &s, scores, error))
         return FALSE;
-    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "views", "mdf"};
+    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "views", "mdf", "along"};
     if (o->json)
         printf("{\"tiles\": \"%dx%d\"", u, v);
     else
@@ -205,6 +212,8 @@ static gboolean parse(struct options *o, int *argc, char ***argv, GError **error
     const GOptionEntry entries[] = {
         {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->tiles,
          "Along the shape; may be repeated; default 8x3, 6x2, 3x1 and 2x1", "UxV"},
+        {"material", 0, 0, G_OPTION_ARG_FILENAME, &o->material,
+         "Draw this compressed BTF instead of the session's eigen-maps", "FILE"},
         {"picture", 0, 0, G_OPTION_ARG_FILENAME, &o->picture,
          "Write the ray-traced scene instead of measuring", "OUT.png"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},

@@ -299,7 +299,7 @@ static gpointer open_file(const char *path, GError **error) {
     return view;
 }
 
-static const char *const shader_names[] = {"directions.glsl", "eigenmaps.glsl", NULL};
+static const char *const shader_names[] = {"eigenmaps.glsl", NULL};
 
 const struct method method_eigenmaps = {
     .name = "eigenmaps",

@@ -150,7 +150,7 @@ static gpointer lobes_view_open(enum lobes_model model, const char *path, GError
     return view;
 }
 
-#define SHARED "directions.glsl", "levels.glsl", "lobes.glsl"
+#define SHARED "levels.glsl", "lobes.glsl"
 static const char *const fields[] = {SHARED, "fields.glsl", NULL};
 static const char *const ptm[] = {SHARED, "ptm.glsl", NULL};
 static const char *const lafortune[] = {SHARED, "lafortune.glsl", NULL};

@@ -32,7 +32,8 @@ struct method {
     const char *product;    /* its file in products/ of a session; NULL if it needs no file */
     const char *made_by;    /* command that makes the file; NULL if it needs no file */
     gboolean takes_normals; /* a normal map (normal_map.h) may replace its own normals */
-    /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. They define
+    /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. directions.glsl comes
+     * before them. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * x are texel coordinates (in tiles, y along the texture's rows downwards). v and l are unit
      * vectors in the texture's frame (+y upwards). The result is lit × the reflectance under the

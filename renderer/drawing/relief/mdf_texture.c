@@ -1,5 +1,6 @@
 #include "mdf_texture.h"
 
+#include "base/direction.h"
 #include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "drawing/gl/direction_table.h"
 #include "drawing/gl/gpu.h"
@@ -173,8 +174,7 @@ gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error) {
     GLint most = 0;
     if (texture->shell != 0)
         return TRUE;
-    g_autoptr(MdfTable) measured = g_steal_pointer(&texture->measured);
-    g_autoptr(MdfShell) shell = mdf_shell_new(measured);
+    g_autoptr(MdfShell) shell = mdf_shell_new(texture->measured);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     if (MAX(shell->width, shell->height) > most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
@@ -202,6 +202,41 @@ gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error) {
     return gpu_check("uploading the shell of the MDF", error);
 }
 
+gboolean mdf_texture_make_along(MdfTexture *texture, GError **error) {
+    const struct mdf_table *t = texture->measured;
+    const gsize n = (gsize)t->width * t->height * t->n_views;
+    if (texture->along_depths != 0)
+        return TRUE;
+    if (!check(t->width, t->height, t->n_views, error))
+        return FALSE;
+    g_autoptr(Directions) triangles =
+        directions_new_triangulated(t->theta_deg, t->phi_deg, t->n_views, error);
+    if (triangles == NULL) {
+        g_prefix_error(error, "views of the MDF: ");
+        return FALSE;
+    }
+    g_autofree float *views = g_new(float, 4 * (gsize)t->n_views);
+    g_autofree guint8 *depths = g_new(guint8, n);
+    const double scale = texture->deepest_mm > 0.0 ? 255.0 / texture->deepest_mm : 0.0;
+    for (int k = 0; k < t->n_views; k++) {
+        direction_from_deg(t->theta_deg[k], t->phi_deg[k], views + 4 * k);
+        views[4 * k + 3] = 0.0f;
+    }
+    for (gsize i = 0; i < n; i++)
+        depths[i] = (guint8)lrint(CLAMP(t->depth_mm[i] * scale, 0.0, 255.0));
+    texture->along = direction_table_new(triangles, FALSE);
+    texture->along_views = gpu_texture(GL_RGBA32F, t->n_views, 1, 0);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, t->n_views, 1, GL_RGBA, GL_FLOAT, views);
+    glGenTextures(1, &texture->along_depths);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->along_depths);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R8, t->width, t->height, t->n_views, 0, GL_RED,
+                 GL_UNSIGNED_BYTE, depths);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    return gpu_check("uploading the depths of the MDF's views", error);
+}
+
 /* The values that all three forms of an MDF (views, blocks, factors) have in common. */
 struct extent_mm {
     int width, height, n_views;
@@ -225,8 +260,8 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    texture->views.target =
-        GL_TEXTURE_2D; /* must be valid although factors have no textures here */
+    /* must be valid although there may be no textures */
+    texture->views.target = texture->along.target = GL_TEXTURE_2D;
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;
     texture->deepest_mm = e.deepest_mm;
@@ -260,6 +295,9 @@ void mdf_texture_free(MdfTexture *texture) {
     glDeleteTextures(1, &texture->factors);
     glDeleteTextures(1, &texture->volume);
     glDeleteTextures(1, &texture->shell);
+    glDeleteTextures(1, &texture->along_views);
+    glDeleteTextures(1, &texture->along_depths);
+    direction_textures_clear(&texture->along);
     mdf_table_free(texture->measured);
     g_free(texture->theta_deg);
     g_free(texture->phi_deg);
@@ -277,6 +315,9 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
                                  gpu_texture_bytes(GL_TEXTURE_3D, texture->volume) +
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->shell) +
+                                 gpu_texture_bytes(GL_TEXTURE_2D, texture->along_views) +
+                                 gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->along_depths) +
+                                 direction_textures_bytes(&texture->along) +
                                  direction_textures_bytes(&texture->views);
 }
 
@@ -411,4 +452,14 @@ void mdf_texture_bind(const MdfTexture *texture, guint program) {
     glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_map_layers(texture->n_terms));
     glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
     glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);
+}
+
+void mdf_texture_bind_along(const MdfTexture *texture, guint program) {
+    if (texture->along_depths == 0)
+        return;
+    gpu_bind_texture(program, "along_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY,
+                     texture->along_depths);
+    direction_textures_bind(&texture->along, program, "along", MDF_TEXTURE_UNIT + 1);
+    gpu_bind_texture(program, "along_views", MDF_FACTORS_UNIT, GL_TEXTURE_2D, texture->along_views);
+    glUniform1f(glGetUniformLocation(program, "along_mm"), texture->deepest_mm);
 }

@@ -23,13 +23,14 @@ gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL */
 
-/* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances have 8 bits and are
- * in a 3D texture whose third axis is the view. The texture is filtered trilinearly, without mip
- * levels. Its filter interpolates between views of a ring, and the shader mixes two rings. The
- * texture is made from the views when this function is first called. The first view of each ring is
- * repeated at the end of the ring. Shaders are compiled with MDF_VOLUME 1. The function fails if
- * the MDF is in factors, if its views are not on at most MDF_VOLUME_RINGS rings, each evenly
- * spaced, or if they do not fit into a 3D texture of the card. */
+/* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances along the ray have 8
+ * bits with one scale, and are in a 3D texture whose third axis is the view. The texture is
+ * filtered trilinearly, without mip levels. Its filter interpolates between views of a ring, and
+ * the shader mixes two rings. The texture is made from the views when this function is first
+ * called. The first view of each ring is repeated at the end of the ring. Shaders are compiled with
+ * MDF_VOLUME 1. The function fails if the MDF is in factors, if its views are not on at most
+ * MDF_VOLUME_RINGS rings, each evenly spaced, or if they do not fit into a 3D texture of the card.
+ */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
@@ -37,6 +38,14 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
  * takes about a second for 60 views of 64² texels. Shaders are compiled with MDF_SHELL 1. Fails if
  * the shell is too large for the card. The texture must then be freed. */
 gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
+
+/* Makes the depths of the measured views and the triangulation of these views, for along.glsl.
+ * Fails if the depths are too large for the card. */
+gboolean mdf_texture_make_along(MdfTexture *texture, GError **error);
+
+/* Sets these textures and uniforms of a program in use, at units 8 to 10 and 13. Does nothing
+ * before mdf_texture_make_along(). */
+void mdf_texture_bind_along(const MdfTexture *texture, guint program);
 
 /* Returns the width and height of the sample in mm. */
 void mdf_texture_size_mm(const MdfTexture *texture, float ret[2]);

@@ -129,7 +129,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         part->shell = marched && part->mdf == mdf;
         relief->curved[part->material] = part->shell;
         if ((part->volume && !mdf_texture_make_volume(mdf, error)) ||
-            (part->shell && !mdf_texture_make_shell(mdf, error)))
+            (part->shell && !mdf_texture_make_shell(mdf, error)) ||
+            (part->shell && from->along_surface && !mdf_texture_make_along(mdf, error)))
             return FALSE;
     }
     if (from->silhouettes && !any) {
@@ -172,8 +173,10 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
 
 void relief_bind(const Relief *relief, int material, guint program) {
     float right[3] = {0.0f}, range[3] = {0.0f}, size_mm[2] = {1.0f, 1.0f};
-    if (relief->curved[material])
+    if (relief->curved[material]) {
         mdf_texture_size_mm(relief->mdfs[material], size_mm);
+        mdf_texture_bind_along(relief->mdfs[material], program);
+    }
     glUniform1i(glGetUniformLocation(program, "curved"), relief->curved[material]);
     glUniform2fv(glGetUniformLocation(program, "mdf_size"), 1, size_mm);
     if (relief->shadows) {

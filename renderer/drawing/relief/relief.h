@@ -40,9 +40,10 @@ struct relief_scene {
     /* Whether silhouettes and the shadows of all lamps are drawn. Silhouettes need a part with an
      * MDF. */
     gboolean silhouettes, shadows;
-    gboolean lit;          /* the first lamp is on; if FALSE, it casts no shadow */
-    double light_size_deg; /* angle that the first lamp covers; 0 for sharp shadows */
-    int n_further;         /* number of further lamps */
+    gboolean along_surface; /* textures for along.glsl are made and bound */
+    gboolean lit;           /* the first lamp is on; if FALSE, it casts no shadow */
+    double light_size_deg;  /* angle that the first lamp covers; 0 for sharp shadows */
+    int n_further;          /* number of further lamps */
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
     /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size
      * if there are at most 4 maps, half the size for at most 16, and a quarter beyond. A lamp
