@@ -273,6 +273,80 @@ void gcode_marlin_read(const char *line, struct gcode_answer *ret) {
     }
 }
 
+/* Parses Klipper's answer to M114: "X:0.000 Y:0.000 Z:0.000 E:0.000". All numbers have three
+ * decimals, so a lost digit is usually noticed. */
+static gboolean read_places_only(const char *line, struct gcode_answer *ret) {
+    const char *at = read_places(line, ":", ret->has_at, ret->at);
+    if (!at || *at || !ret->has_at[2])
+        return FALSE;
+    for (const char *point = strchr(line, '.'); point; point = strchr(point + 1, '.'))
+        if (strspn(point + 1, "0123456789") != 3)
+            return FALSE;
+    return TRUE;
+}
+
+/* Parses a line behind "// ". */
+static enum gcode_kind read_info(const char *text, struct gcode_answer *ret) {
+    static const struct {
+        const char *text;
+        enum klipper_state state;
+    } states[] = {
+        {"Klipper state: Ready", KLIPPER_READY},
+        {"Klipper state: Shutdown", KLIPPER_SHUTDOWN},
+        {"Klipper state: Disconnect", KLIPPER_LEAVES},
+        {"Printer is not ready", KLIPPER_STARTING},
+        {"Printer is shutdown", KLIPPER_SHUTDOWN},
+        {"Printer is halted", KLIPPER_HALTED},
+        {"Error configuring printer", KLIPPER_HALTED},
+    };
+    static const struct {
+        const char *key;
+        int number;
+    } limits[] = {{"max_velocity: ", 203}, {"max_accel: ", 201}};
+    for (gsize i = 0; i < G_N_ELEMENTS(states); i++) {
+        if (strcmp(text, states[i].text) != 0)
+            continue;
+        ret->number = (int)states[i].state;
+        return GCODE_STATE;
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(limits); i++) {
+        const char *at = text + strlen(limits[i].key);
+        int decimals;
+        if (!g_str_has_prefix(text, limits[i].key) || !take_number(&at, &ret->value, &decimals) ||
+            *at)
+            continue;
+        ret->number = limits[i].number;
+        return GCODE_LIMIT;
+    }
+    if (g_str_has_prefix(text, "ECHO MESORIG=") && read_integer(text + 13, &ret->number))
+        return GCODE_ECHO;
+    if (g_str_has_prefix(text, "Unknown command:")) {
+        copy_text(text + 16, ret);
+        return GCODE_UNKNOWN;
+    }
+    return GCODE_NONE;
+}
+
+void gcode_klipper_read(const char *line, struct gcode_answer *ret) {
+    *ret = (struct gcode_answer){.kind = GCODE_NONE};
+    const char *version = strstr(line, "FIRMWARE_VERSION:");
+    if (strcmp(line, "ok") == 0 || g_str_has_prefix(line, "ok ")) {
+        ret->kind = GCODE_OK;
+        if (version) {
+            g_autofree char *text = g_strconcat("Klipper ", version + 17, NULL);
+            *strchrnul(text + 8, ' ') = 0;
+            copy_text(text, ret);
+        }
+    } else if (g_str_has_prefix(line, "X:") && read_places_only(line, ret)) {
+        ret->kind = GCODE_POSITION;
+    } else if (g_str_has_prefix(line, "!! ")) {
+        ret->kind = GCODE_FAILURE;
+        copy_text(line + 3, ret);
+    } else if (g_str_has_prefix(line, "// ")) {
+        ret->kind = read_info(line + 3, ret);
+    }
+}
+
 const char *gcode_alarm_text(int number) {
     static const char *const texts[] = {
         [1] =

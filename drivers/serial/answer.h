@@ -1,10 +1,13 @@
 /*
- * The lines that a G-code board sends: GRBL 1.1 (also FluidNC and grblHAL) and Marlin. Plain data.
- * Any thread may call these functions.
+ * The lines that a G-code board sends: GRBL 1.1 (also FluidNC and grblHAL), Marlin and Klipper.
+ * Plain data. Any thread may call these functions.
  *
  * GRBL: https://github.com/gnea/grbl/wiki/Grbl-v1.1-Interface. A status report is
  * "<Idle|MPos:0.000,0.000,0.000|FS:0,0>". Its fields come in any order, and most are optional.
  * Marlin: https://marlinfw.org/meta/gcode.
+ * Klipper: https://www.klipper3d.org/G-Codes.html. "ok" ends the answer to each line. Errors begin
+ * with
+ * "!! ", other text with "// ".
  */
 #pragma once
 
@@ -49,11 +52,23 @@ enum gcode_kind {
     GCODE_VERSION,  /* text has the version of the firmware */
     GCODE_BUSY,     /* Marlin works on a long command */
     GCODE_RESEND,   /* Marlin wants line NUMBER again */
-    GCODE_POSITION, /* Marlin's answer to M114 */
-    GCODE_FAILURE,  /* Marlin: "Error:TEXT" */
+    GCODE_POSITION, /* answer of Marlin or Klipper to M114 */
+    GCODE_FAILURE,  /* Marlin: "Error:TEXT"; Klipper: "!! TEXT" */
     GCODE_KILLED,   /* Marlin has stopped for good, until it is reset */
     GCODE_SCALE,    /* Marlin's M92 (steps per unit), M201 or M203 (NUMBER) */
-    GCODE_UNKNOWN,  /* Marlin does not know the command "L" and NUMBER */
+    GCODE_UNKNOWN,  /* Marlin does not know the command "L" and NUMBER; Klipper: does not know TEXT
+                     */
+    GCODE_ECHO,     /* Klipper's answer to "ECHO MESORIG=NUMBER" */
+    GCODE_STATE,    /* NUMBER is a state of Klipper */
+    GCODE_LIMIT,    /* Klipper's VALUE of all axes for M201 or M203 (NUMBER) */
+};
+
+enum klipper_state {
+    KLIPPER_READY,
+    KLIPPER_STARTING, /* connects to its controllers */
+    KLIPPER_SHUTDOWN, /* has stopped all motors; only FIRMWARE_RESTART helps */
+    KLIPPER_HALTED,   /* an error of the configuration or of a connection */
+    KLIPPER_LEAVES,   /* ends or restarts */
 };
 
 struct gcode_answer {
@@ -65,12 +80,13 @@ struct gcode_answer {
      * at has the values. */
     gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
     double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
-    char text[64]; /* VERSION, FAILURE: printable ASCII */
+    char text[64]; /* VERSION, FAILURE, Klipper: OK with a version, UNKNOWN: printable ASCII */
 };
 
 /* Parse a line without its end. A line that is recognisably damaged becomes GCODE_NONE. */
 void gcode_grbl_read(const char *line, struct gcode_answer *ret);
 void gcode_marlin_read(const char *line, struct gcode_answer *ret);
+void gcode_klipper_read(const char *line, struct gcode_answer *ret);
 
 /* Returns whether no axis moves in the reported state. */
 gboolean gcode_report_stands(const struct gcode_report *report);

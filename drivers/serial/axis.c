@@ -235,12 +235,12 @@ static gboolean check_limits(const Axis *axis, GError **error) {
     if (is.units_s > 0 && priv->motion.speed_deg_s * scale > is.units_s * 1.001)
         return config_set_error(error, CONFIG_ERROR_VALUE, section, "speed_deg_s",
                                 "the board allows %g deg/s; lower speed_deg_s, or raise the limit "
-                                "in the board ($%d, M203)",
+                                "in the board ($%d, M203, max_velocity)",
                                 is.units_s / scale, 110 + priv->letter);
     if (is.units_s2 > 0 && priv->motion.accel_deg_s2 * scale > is.units_s2 * 1.001)
         return config_set_error(error, CONFIG_ERROR_VALUE, section, "accel_deg_s2",
                                 "the board accelerates with %g deg/s²; lower accel_deg_s2, or "
-                                "raise the acceleration in the board ($%d, M201)",
+                                "raise the acceleration in the board ($%d, M201, max_accel)",
                                 is.units_s2 / scale, 120 + priv->letter);
     return TRUE;
 }
@@ -253,7 +253,7 @@ static gboolean open_axis(Axis *axis, GError **error) {
     if (!with_subject(axis, priv->client != NULL, error))
         return FALSE;
     device_set_identity(&axis->device, gcode_client_firmware(priv->client), NULL, priv->link.port);
-    if (priv->link.dialect == GCODE_GRBL) { /* Marlin reports no position at a given time */
+    if (priv->link.dialect == GCODE_GRBL) { /* the others report no position at a given time */
         axis->motion.report_ms = priv->poll_ms + 2 * priv->stamp_ms;
         axis->motion.stamp_ms = priv->stamp_ms;
     }
@@ -272,8 +272,8 @@ static void close_axis(Axis *axis) {
 
 const struct axis_driver gcode_axis_driver = {
     .info = {"axis", "gcode-axis",
-             "An axis of a board that speaks G-code: GRBL, FluidNC, grblHAL or Marlin", options,
-             sizeof(struct gcode_axis), check, needs},
+             "An axis of a board that speaks G-code: GRBL, FluidNC, grblHAL, Marlin or Klipper",
+             options, sizeof(struct gcode_axis), check, needs},
     .open = open_axis,
     .close = close_axis,
     .home = home,

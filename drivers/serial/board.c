@@ -15,7 +15,7 @@
 #define MIN_LATE_US 20000 /* a timer that comes later shows that this program could not run */
 #define WAIT_MS     5     /* longest wait for input in open() and close() */
 
-const char *const gcode_dialects[] = {"grbl", "marlin", NULL};
+const char *const gcode_dialects[] = {"grbl", "marlin", "klipper", NULL};
 
 static GHashTable *boards; /* maps a key to a GcodeBoard */
 
@@ -310,6 +310,13 @@ double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms) {
     return ms;
 }
 
+gboolean gcode_board_was_dragged(const GcodeBoard *board, const GcodeClient *client) {
+    const int letter = client->letter;
+    return client->watched && client->request == NO_REQUEST && client->last_units_s > 0 &&
+           letter < board->n_at && letter < board->n_before &&
+           fabs(board->at[letter] - board->before[letter]) >= GCODE_SAME;
+}
+
 double gcode_board_brake_s(const GcodeBoard *board) {
     double longest = 0;
     for (guint i = 0; i < board->clients->len; i++)
@@ -326,10 +333,8 @@ gboolean gcode_board_is_watched(const GcodeBoard *board) {
 
 GError *gcode_board_silence(const GcodeBoard *board, double ms) {
     if (board->killed)
-        return device_error_new(DEVICE_ERROR_STALLED, NULL,
-                                "%s: the board has halted itself" ERROR_ADVICE
-                                "press its reset button or switch it off and on, then home it",
-                                board->link.port);
+        return device_error_new(DEVICE_ERROR_STALLED, NULL, "%s: %s", board->link.port,
+                                board->dialect->halted);
     if (board->phase == GREETING && board->n_noise > 0)
         return device_error_new(
             DEVICE_ERROR_PROTOCOL, NULL,
@@ -510,11 +515,12 @@ static void work(GcodeBoard *board, enum phase phase, const GcodeClient *stops, 
 }
 
 static GcodeBoard *board_new(const struct gcode_link *link, const char *key, Clock *clock) {
+    static const struct dialect *const dialects[] = {&gcode_grbl, &gcode_marlin, &gcode_klipper};
     GcodeBoard *board = g_new0(GcodeBoard, 1);
     board->key = g_strdup(key);
     board->link = *link;
     board->link.port = g_strdup(link->port);
-    board->dialect = link->dialect == GCODE_MARLIN ? &gcode_marlin : &gcode_grbl;
+    board->dialect = dialects[link->dialect];
     board->clock = clock_ref(clock);
     board->clients = g_ptr_array_new();
     board->input = g_string_new(NULL);

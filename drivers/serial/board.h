@@ -1,6 +1,6 @@
 /*
- * A controller for several axes that speaks G-code on a serial port: GRBL 1.1, FluidNC, grblHAL or
- * Marlin. All sections that name the port share the board and its connection.
+ * A controller for several axes that speaks G-code on a serial port: GRBL 1.1, FluidNC, grblHAL,
+ * Marlin or Klipper. All sections that name the port share the board and its connection.
  *
  * A board carries out one motion after another. The requests of its axes therefore take turns. An
  * axis whose request waits is told so. The board knows only the motion under way, so a program that
@@ -22,7 +22,7 @@
 
 #include "drivers/device.h"
 
-enum gcode_dialect { GCODE_GRBL, GCODE_MARLIN };
+enum gcode_dialect { GCODE_GRBL, GCODE_MARLIN, GCODE_KLIPPER };
 
 /* The options of a board in the section of an axis; the first member of the driver's struct. */
 struct gcode_link {

@@ -1,5 +1,5 @@
 /* What board.c, which has the connection and the requests, shares with the dialects (grbl.c,
- * marlin.c). */
+ * marlin.c, klipper.c). */
 #pragma once
 
 #include "board.h"
@@ -7,6 +7,9 @@
 #include "drivers/lock.h"
 
 typedef struct GcodeBoard GcodeBoard;
+
+/* Positions that differ by less are the same. They are reported in units with three decimals. */
+#define GCODE_SAME 0.0015
 
 enum phase {
     CLOSED,
@@ -51,9 +54,10 @@ struct dialect {
      * unanswered. */
     int window;
     gboolean one_line;
+    const char *halted; /* for an error: what it means that the board has halted itself */
 };
 
-extern const struct dialect gcode_grbl, gcode_marlin;
+extern const struct dialect gcode_grbl, gcode_marlin, gcode_klipper;
 
 struct gcode_line {
     char *text; /* with its end */
@@ -104,26 +108,36 @@ struct GcodeBoard {
     gboolean held; /* held_at is where the axes stood in a finished hold */
     double held_at[GCODE_MAX_AXES];
     double final_at[GCODE_MAX_AXES]; /* of the last final report */
+    int n_resets;                    /* number of Ctrl-X of the stage */
+    int n_owed;                      /* number of Ctrl-X without a banner yet */
+    char other[16];                  /* name of the state that was reported last and is not known */
+    int n_other;                     /* number of reports with this state in a row */
+
+    /* GRBL and Klipper */
     int n_before;
     double before[GCODE_MAX_AXES]; /* where the axes were before homing */
-    gboolean reset_once;           /* GREETING: Ctrl-X was sent to a silent board */
-    int n_resets;                  /* number of Ctrl-X of the stage */
-    int n_owed;                    /* number of Ctrl-X without a banner yet */
-    char other[16];                /* name of the state that was reported last and is not known */
-    int n_other;                   /* number of reports with this state in a row */
+    gboolean reset_once;           /* GREETING: a silent board was reset (Ctrl-X, M112) */
+
+    /* Marlin and Klipper */
+    int token;       /* number of the last command that is only sent for its echo */
+    gboolean echoed; /* the echo of that command has come */
+    gboolean synced; /* the "ok" after that echo has come */
+    gboolean killed; /* the board has halted itself, until it is reset */
 
     /* Marlin */
-    int token;                    /* number of the last command "L" */
-    gboolean echoed;              /* the echo of that "L" has come */
-    gboolean synced;              /* the "ok" after that echo has come */
     int n_line;                   /* number of the last line */
     GQueue history;               /* of char *: the last lines, up to number n_line */
     int resends;                  /* number of the line that the board wants again; 0: none */
     gboolean nudged;              /* an empty line was sent after the line that has no answer */
-    gboolean killed;              /* the board has halted itself, until it is reset */
     double steps[GCODE_MAX_AXES]; /* where the motors were in the last report */
     int n_steps_same;             /* number of reports in a row with these steps */
     gint64 same_us;               /* time of the first of these reports */
+
+    /* Klipper */
+    int state;                          /* enum klipper_state, as reported last */
+    char reason[64];                    /* text of the last error */
+    int way_letter;                     /* axis of the move that is sent in pieces */
+    double way_at, way_to, way_units_s; /* end of the pieces sent so far, target, speed */
 };
 
 /* Closes the port, drops all lines and forgets the position. A new client and the next request to
@@ -165,6 +179,9 @@ void gcode_board_begin(GcodeBoard *board, int stage, double ms);
 gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms);
 /* Returns the shortest time between two reports that a client wants, idle_ms at most. */
 double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
+/* Returns whether homing has moved the watched axis of a client away from board->before without a
+ * request of the client. */
+gboolean gcode_board_was_dragged(const GcodeBoard *board, const GcodeClient *client);
 /* Returns the longest brake_s of all clients. */
 double gcode_board_brake_s(const GcodeBoard *board);
 /* Returns whether a client is watched. */

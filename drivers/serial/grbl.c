@@ -17,14 +17,12 @@
 #include <math.h>
 #include <string.h>
 
-#define WINDOW   127
-#define ASK_MS   100  /* time between two questions while the board boots */
-#define WATCH_MS 250  /* time between two questions to a board that stands */
-#define HOLD_MS  1000 /* time that a feed hold may take in addition to the braking */
-#define N_FINAL  2    /* equal reports that show where a motion has ended */
-#define N_OTHER  4
-/* Positions that differ by less are the same. They are reported in units with three decimals. */
-#define SAME      0.0015
+#define WINDOW    127
+#define ASK_MS    100  /* time between two questions while the board boots */
+#define WATCH_MS  250  /* time between two questions to a board that stands */
+#define HOLD_MS   1000 /* time that a feed hold may take in addition to the braking */
+#define N_FINAL   2    /* equal reports that show where a motion has ended */
+#define N_OTHER   4
 #define MOVE_LINE "G21G90G94G53G1%c%.4fF%.4f"
 
 enum stage {
@@ -217,12 +215,9 @@ static gboolean restore(GcodeBoard *board) {
     gboolean any = FALSE;
     for (guint i = 0; i < board->clients->len; i++) {
         const GcodeClient *client = board->clients->pdata[i];
-        const int letter = client->letter;
-        if (!client->watched || client->request != NO_REQUEST || letter >= board->n_at ||
-            letter >= board->n_before || fabs(board->at[letter] - board->before[letter]) < SAME ||
-            client->last_units_s <= 0)
+        if (!gcode_board_was_dragged(board, client))
             continue;
-        send_move(board, letter, board->before[letter], client->last_units_s);
+        send_move(board, client->letter, board->before[client->letter], client->last_units_s);
         any = TRUE;
     }
     return any;
@@ -252,7 +247,7 @@ static void check_request(GcodeBoard *board, const struct gcode_report *report) 
 static void check_kept(GcodeBoard *board, gboolean moved) {
     gboolean same = board->held && board->n_at > 0;
     for (int i = 0; i < board->n_at; i++)
-        same &= fabs(board->at[i] - board->held_at[i]) < SAME;
+        same &= fabs(board->at[i] - board->held_at[i]) < GCODE_SAME;
     if (!same || moved)
         lose(board, DEVICE_ERROR_STALLED,
              "the board had to be reset while it moved, so its position is lost" ERROR_ADVICE

@@ -355,4 +355,6 @@ const struct dialect gcode_marlin = {
     .stop = stop,
     .window = 96,
     .one_line = TRUE,
+    .halted = "the board has halted itself" ERROR_ADVICE
+              "press its reset button or switch it off and on, then home it",
 };

@@ -62,11 +62,18 @@ static void flush_out(VirtualGcode *board) {
 }
 
 static double travelled(double way, double v, double a, double t) {
+    if (t <= 0)
+        return 0;
     v = MIN(v, sqrt(a * way));
     const double ramp = v / a, left = MAX(0, way / v + ramp - t);
     if (t <= ramp)
         return a * t * t / 2;
     return left <= ramp ? way - a * left * left / 2 : v * (t - ramp / 2);
+}
+
+/* Returns the duration of a motion that travelled() describes. */
+static double duration_s(double way, double v, double a) {
+    return way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
 }
 
 /* Returns the distance travelled since the motion began. */
@@ -100,8 +107,7 @@ static void begin_block(VirtualGcode *board, gint64 start_us) {
     board->units_s2 = a;
     board->motion = GCODE_MOVING;
     board->start_us = start_us;
-    const double s = board->way >= v * v / a ? board->way / v + v / a : 2 * sqrt(board->way / a);
-    board->end_us = start_us + (gint64)(s * 1e6);
+    board->end_us = start_us + (gint64)(duration_s(board->way, v, a) * 1e6);
 }
 
 static void pop_block(VirtualGcode *board) {
@@ -128,10 +134,8 @@ static void advance(VirtualGcode *board) {
             board->motion = GCODE_HELD;
         else if (ended == GCODE_MOVING)
             pop_block(board);
-        else if (board->options.marlin)
-            marlin_homing_ended(board);
         else
-            grbl_homing_ended(board);
+            board->language->homing_ended(board);
     }
 }
 
@@ -150,6 +154,36 @@ void gcode_add_block(VirtualGcode *board, const double *to, double units_s) {
         block->to[i] = round(to[i] * board->options.steps) / board->options.steps;
     block->units_s = units_s;
     advance(board);
+}
+
+gboolean gcode_extend(VirtualGcode *board, const double *to, double units_s, gint64 delay_us) {
+    const gint64 now = g_get_monotonic_time();
+    advance(board);
+    if (board->motion == GCODE_STANDING && board->n_blocks == 0) {
+        gcode_add_block(board, to, units_s);
+        if (board->motion == GCODE_MOVING) {
+            board->start_us += delay_us;
+            board->end_us += delay_us;
+        }
+        return TRUE;
+    }
+    double square = 0, along = 0;
+    for (int i = 0; i < board->options.n_axes; i++) {
+        square += pow(to[i] - board->from[i], 2);
+        along += (to[i] - board->to[i]) * (board->to[i] - board->from[i]);
+    }
+    /* Braking has not begun, and the end of the way lies further away. */
+    const gint64 ramp_us =
+        (gint64)(MIN(board->units_s / board->units_s2, sqrt(board->way / board->units_s2)) * 1e6);
+    if (board->motion != GCODE_MOVING || along < 0 || now > board->end_us - ramp_us ||
+        units_s != board->blocks[0].units_s)
+        return FALSE;
+    memcpy(board->to, to, sizeof board->to);
+    memcpy(board->blocks[0].to, to, sizeof board->blocks[0].to);
+    board->way = sqrt(square);
+    board->end_us =
+        board->start_us + (gint64)(duration_s(board->way, board->units_s, board->units_s2) * 1e6);
+    return TRUE;
 }
 
 void gcode_brake(VirtualGcode *board) {
@@ -203,8 +237,7 @@ void gcode_begin_homing(VirtualGcode *board, guint axes) {
         board->to[i] = axes >> i & 1 ? board->options.home_at : board->from[i];
         square += pow(board->to[i] - board->from[i], 2);
     }
-    const double way = MAX(sqrt(square), board->options.switch_way);
-    const double s = way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
+    const double s = duration_s(MAX(sqrt(square), board->options.switch_way), v, a);
     board->way = sqrt(square);
     board->units_s = v;
     board->units_s2 = a;
@@ -234,10 +267,7 @@ static void boot(VirtualGcode *board, gboolean power) {
     board->n_unanswered = 0;
     board->deaf_until_us = g_get_monotonic_time() + board->options.boot_ms * (gint64)1000;
     g_queue_clear_full(&board->out, out_free);
-    if (board->options.marlin)
-        marlin_boot(board);
-    else
-        grbl_boot(board, power);
+    board->language->boot(board, power);
     for (GList *item = board->out.head; item; item = item->next)
         ((struct gcode_out *)item->data)->at_us = board->deaf_until_us;
 }
@@ -249,10 +279,7 @@ static void receive(VirtualGcode *board, const char *bytes, gssize n) {
             (board->faults.lose_received > 0 &&
              board->n_received % (guint)board->faults.lose_received == 0))
             continue;
-        if (board->options.marlin)
-            marlin_receive(board, bytes[i]);
-        else
-            grbl_receive(board, bytes[i]);
+        board->language->receive(board, bytes[i]);
     }
 }
 
@@ -277,12 +304,8 @@ static void serve(VirtualGcode *board, short events) {
          board->terminal.wire >= 0 && (n = read(board->terminal.wire, bytes, sizeof bytes)) > 0;)
         receive(board, bytes, n);
     advance(board);
-    if (g_get_monotonic_time() >= board->deaf_until_us) {
-        if (board->options.marlin)
-            marlin_work(board);
-        else
-            grbl_work(board);
-    }
+    if (g_get_monotonic_time() >= board->deaf_until_us)
+        board->language->work(board);
     flush_out(board);
 }
 
@@ -319,8 +342,11 @@ static void wake(VirtualGcode *board) {
 }
 
 VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GError **error) {
+    static const struct gcode_language *const languages[] = {
+        &gcode_language_grbl, &gcode_language_marlin, &gcode_language_klipper};
     VirtualGcode *board = g_new0(VirtualGcode, 1);
     board->options = *options;
+    board->language = languages[options->language];
     board->terminal = (struct terminal)TERMINAL_CLOSED;
     board->wake[0] = board->wake[1] = -1;
     board->rx = g_string_new(NULL);
@@ -385,7 +411,7 @@ void virtual_gcode_fail(VirtualGcode *board, const struct virtual_gcode_faults *
 void virtual_gcode_press(VirtualGcode *board, int axis, gboolean pressed) {
     g_mutex_lock(&board->mutex);
     board->pressed[axis] = pressed;
-    if (pressed && !board->options.marlin)
+    if (pressed && board->options.language == VIRTUAL_GRBL)
         grbl_press(board);
     g_mutex_unlock(&board->mutex);
     wake(board);

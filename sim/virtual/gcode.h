@@ -1,7 +1,7 @@
 /*
  * A virtual board that moves axes by G-code on a pseudo-terminal, in a separate thread and in real
- * time. It speaks GRBL 1.1h or Marlin 2, as far as a program that moves single axes sees them. It
- * is for tests, and for mesorig-rig.
+ * time. It speaks GRBL 1.1h, Marlin 2 or Klipper, as far as a program that moves single axes sees
+ * them. It is for tests, and for mesorig-rig.
  *
  * With GRBL, the board understands "$H", "$HX" (if single_homing), "$X", "$$", "$I", "$C", G0, G1,
  * G4, G21, G53, G90, G91 and G94, and the characters "?", "!", "~", Ctrl-X and 0x84. Bytes that do
@@ -10,7 +10,10 @@
  * Ctrl-X. While it homes, it is silent. With Marlin, the board understands line numbers and
  * checksums, G1, G28, G90, M110, M112, M114, M115, M400, M410 and M503. It sends "echo:busy:
  * processing" while a command runs. With emergency_parser, M112 and M410 act even while a command
- * runs.
+ * runs. With Klipper, the board understands ECHO, FIRMWARE_RESTART, G1, G28, G90, M112, M114, M115,
+ * M400, SET_KINEMATIC_POSITION, SET_VELOCITY_LIMIT and STATUS. Moves that go on in the same
+ * direction follow each other without a stop. The first move begins after 0.25 s. The "ok" of a
+ * move waits until at most one second of motion is ahead. An axis that is not homed does not move.
  *
  * Any thread may call these functions, except virtual_gcode_new() and virtual_gcode_free().
  */
@@ -22,8 +25,10 @@
 
 typedef struct VirtualGcode VirtualGcode;
 
+enum virtual_gcode_language { VIRTUAL_GRBL, VIRTUAL_MARLIN, VIRTUAL_KLIPPER };
+
 struct virtual_gcode_options {
-    gboolean marlin;
+    enum virtual_gcode_language language;
     int n_axes;        /* 3 to 6 */
     double units_s;    /* top speed along the path, units/s */
     double units_s2;   /* acceleration, units/s² */
@@ -31,8 +36,9 @@ struct virtual_gcode_options {
     double home_at;    /* position after homing */
     double switch_way; /* smallest way of homing, which determines its duration */
     double max_travel; /* soft limits: positions between −max_travel and max_travel; 0: none */
-    gboolean single_homing;    /* GRBL: knows "$HX" */
-    gboolean homing_off;       /* GRBL: $22=0 */
+    gboolean single_homing; /* GRBL: knows "$HX" */
+    /* GRBL: $22=0; Klipper: SET_KINEMATIC_POSITION is unknown */
+    gboolean homing_off;
     gboolean work_positions;   /* GRBL: reports WPos, and its offset in every tenth report */
     gboolean emergency_parser; /* Marlin: acts on M112 and M410 at once */
     int boot_ms;               /* time from a reset until the board listens */
@@ -69,7 +75,7 @@ void virtual_gcode_fail(VirtualGcode *board, const struct virtual_gcode_faults *
 void virtual_gcode_press(VirtualGcode *board, int axis, gboolean pressed);
 void virtual_gcode_set_door(VirtualGcode *board, gboolean open); /* GRBL */
 void virtual_gcode_press_hold(VirtualGcode *board);              /* GRBL: the feed hold button */
-/* Switches the power off and on. The positions then count from 0. */
+/* Switches the power off and on, or restarts Klipper. The positions then count from 0. */
 void virtual_gcode_reset(VirtualGcode *board);
 /* Closes the pseudo-terminal, or opens a new pseudo-terminal at the same link. The board runs
  * on. */
@@ -85,10 +91,11 @@ void virtual_gcode_receive(VirtualGcode *board, const char *bytes);
 struct virtual_gcode_state {
     double at[VIRTUAL_GCODE_AXES]; /* true positions of the axes */
     gboolean moving;
-    gboolean alarm;     /* locked by an alarm, or halted by M112 */
+    gboolean alarm;     /* locked by an alarm, halted or shut down by M112 */
     int max_unanswered; /* largest number of bytes in lines that had no answer yet */
     int n_overflows;    /* number of bytes that were lost because the buffer was full */
-    /* numbers of lines, resets, feed holds, homings, requests to send again, and calls of kill() */
+    /* numbers of lines, resets, feed holds, homings, requests to send again, and calls of
+     * kill() or shutdowns of Klipper */
     int n_lines, n_resets, n_holds, n_homings, n_resends, n_kills;
     /* number of motions that a reset, an alarm or M410 has ended without a ramp */
     int n_aborted;

@@ -27,7 +27,7 @@ static void alarm_now(VirtualGcode *board, int number) {
     }
 }
 
-void grbl_boot(VirtualGcode *board, gboolean power) {
+static void boot(VirtualGcode *board, gboolean power) {
     if (power) {
         memset(board->state.at, 0, sizeof board->state.at);
         board->alarm = !board->options.homing_off;
@@ -49,7 +49,7 @@ static void soft_reset(VirtualGcode *board) {
     board->waits = FALSE;
     if (gcode_abort(board))
         alarm_now(board, homes ? 6 : 3);
-    grbl_boot(board, FALSE);
+    boot(board, FALSE);
     if (board->door)
         grbl_set_door(board);
 }
@@ -63,7 +63,7 @@ void grbl_set_door(VirtualGcode *board) {
     if (board->door && board->motion == GCODE_HOMING) {
         gcode_abort(board);
         alarm_now(board, 7);
-        grbl_boot(board, FALSE);
+        boot(board, FALSE);
     } else if (board->door) {
         gcode_brake(board);
     }
@@ -146,7 +146,7 @@ static gboolean act(VirtualGcode *board, char byte) {
     }
 }
 
-void grbl_receive(VirtualGcode *board, char byte) {
+static void receive(VirtualGcode *board, char byte) {
     if (act(board, byte))
         return;
     if (board->rx->len >= GCODE_RX) {
@@ -158,11 +158,11 @@ void grbl_receive(VirtualGcode *board, char byte) {
     board->state.max_unanswered = MAX(board->state.max_unanswered, board->n_unanswered);
 }
 
-void grbl_homing_ended(VirtualGcode *board) {
+static void homing_ended(VirtualGcode *board) {
     board->waits = FALSE;
     if (board->faults.no_switch) {
         alarm_now(board, 9);
-        grbl_boot(board, FALSE);
+        boot(board, FALSE);
         return;
     }
     for (int i = 0; i < board->options.n_axes; i++)
@@ -274,7 +274,7 @@ static int execute(VirtualGcode *board, const char *line) {
     return board->waits ? -1 : 0;
 }
 
-void grbl_work(VirtualGcode *board) {
+static void work(VirtualGcode *board) {
     char line[256];
     if (board->waits && board->motion == GCODE_STANDING && board->n_blocks == 0) {
         board->waits = FALSE;
@@ -304,3 +304,5 @@ void grbl_work(VirtualGcode *board) {
             board->n_unanswered -= length; /* answered when the motion has ended */
     }
 }
+
+const struct gcode_language gcode_language_grbl = {boot, receive, work, homing_ended};

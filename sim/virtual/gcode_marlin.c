@@ -10,7 +10,7 @@
 
 static const char letters[] = "XYZABC";
 
-void marlin_boot(VirtualGcode *board) {
+static void boot(VirtualGcode *board, gboolean power) {
     memset(board->state.at, 0, sizeof board->state.at);
     board->alarm = 0;
     board->feed = 0;
@@ -38,7 +38,7 @@ static void quickstop(VirtualGcode *board) {
 }
 
 /* The emergency parser looks at each line as it comes. */
-void marlin_receive(VirtualGcode *board, char byte) {
+static void receive(VirtualGcode *board, char byte) {
     if (board->alarm)
         return;
     g_string_append_c(board->rx, byte);
@@ -50,7 +50,7 @@ void marlin_receive(VirtualGcode *board, char byte) {
         quickstop(board);
 }
 
-void marlin_homing_ended(VirtualGcode *board) {
+static void homing_ended(VirtualGcode *board) {
     if (board->faults.no_switch) {
         gcode_say(board, "Error:Homing Failed");
         kill_board(board);
@@ -172,7 +172,7 @@ static gboolean unwrap(VirtualGcode *board, char *line) {
     return TRUE;
 }
 
-void marlin_work(VirtualGcode *board) {
+static void work(VirtualGcode *board) {
     char line[128];
     const gint64 now = g_get_monotonic_time();
     if (board->waits && board->motion == GCODE_STANDING && board->n_blocks == 0) {
@@ -189,3 +189,5 @@ void marlin_work(VirtualGcode *board) {
             gcode_say(board, "ok");
     }
 }
+
+const struct gcode_language gcode_language_marlin = {boot, receive, work, homing_ended};

@@ -1,6 +1,6 @@
 /* State and functions that the files of the virtual board share. gcode.c has the port and the
- * motion, gcode_grbl.c and gcode_marlin.c have the languages. All functions are called with the
- * mutex locked. */
+ * motion, gcode_grbl.c, gcode_marlin.c and gcode_klipper.c have the languages. All functions are
+ * called with the mutex locked. */
 #pragma once
 
 #include "gcode.h"
@@ -15,8 +15,22 @@ struct gcode_block {
     double to[VIRTUAL_GCODE_AXES], units_s;
 };
 
+/* A language of the board. */
+struct gcode_language {
+    /* The board has been switched on, or (GRBL) reset with power FALSE. */
+    void (*boot)(VirtualGcode *board, gboolean power);
+    void (*receive)(VirtualGcode *board, char byte);
+    /* Carries out lines that were received. Is called about once per millisecond. */
+    void (*work)(VirtualGcode *board);
+    void (*homing_ended)(VirtualGcode *board);
+};
+
+extern const struct gcode_language gcode_language_grbl, gcode_language_marlin,
+    gcode_language_klipper;
+
 struct VirtualGcode {
     struct virtual_gcode_options options;
+    const struct gcode_language *language;
     char *folder, *port;
     struct terminal terminal;
     int wake[2];
@@ -42,7 +56,7 @@ struct VirtualGcode {
     guint homing_axes; /* a bit for each axis that homes */
 
     GString *rx;        /* received bytes of lines that were not executed */
-    int alarm;          /* GRBL: number of the alarm, or 0; Marlin: 1 after kill() */
+    int alarm;          /* GRBL: number of the alarm, or 0; 1 after kill() or a shutdown */
     gboolean locked_up; /* answers nothing until Ctrl-X */
     gboolean door, check; /* GRBL: the safety door is open; moves are checked but not made (“$C”) */
     gboolean waits;       /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
@@ -53,6 +67,10 @@ struct VirtualGcode {
     gboolean pressed[VIRTUAL_GCODE_AXES];
     int last_line;  /* Marlin: number of the last line */
     gint64 busy_us; /* Marlin: time of the last "busy" */
+    /* Klipper: connected to its controllers; a bit for each axis that is homed */
+    gboolean ready;
+    guint homed;
+    gboolean is_ahead; /* Klipper: the "ok" of a move is due when less motion is ahead */
 };
 
 /* Sends a line to the program, with the faults that are set. */
@@ -61,6 +79,10 @@ void gcode_say(VirtualGcode *board, const char *format, ...) G_GNUC_PRINTF(2, 3)
 double gcode_speed(const VirtualGcode *board, gint64 now_us);
 /* Appends a move to the planned blocks, of which there must be fewer than GCODE_BLOCKS. */
 void gcode_add_block(VirtualGcode *board, const double *to, double units_s);
+/* Moves the target of the block under way further in the direction of the motion, as if no stop had
+ * been planned at the old target. Begins a block after delay_us if the board stands. Returns FALSE
+ * if neither is possible now. */
+gboolean gcode_extend(VirtualGcode *board, const double *to, double units_s, gint64 delay_us);
 /* Begins a feed hold: brakes the motion and keeps the planned blocks. */
 void gcode_brake(VirtualGcode *board);
 /* Ends a feed hold. Does nothing while the board still brakes. */
@@ -72,14 +94,5 @@ void gcode_begin_homing(VirtualGcode *board, guint axes);
 void gcode_planned(const VirtualGcode *board, double *ret);
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size);
 
-void grbl_boot(VirtualGcode *board, gboolean power);
-void grbl_receive(VirtualGcode *board, char byte);
-void grbl_work(VirtualGcode *board);
 void grbl_press(VirtualGcode *board);
 void grbl_set_door(VirtualGcode *board);
-void grbl_homing_ended(VirtualGcode *board);
-
-void marlin_boot(VirtualGcode *board);
-void marlin_receive(VirtualGcode *board, char byte);
-void marlin_work(VirtualGcode *board);
-void marlin_homing_ended(VirtualGcode *board);

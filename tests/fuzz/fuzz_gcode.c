@@ -1,4 +1,4 @@
-/* Lines of boards that speak G-code, in both languages. */
+/* Lines of boards that speak G-code, in all languages. */
 #include "fuzz.h"
 #include "serial/answer.h"
 
@@ -33,7 +33,7 @@ static void check(const struct gcode_answer *answer) {
         check_values(answer->at, answer->has_at, GCODE_MAX_AXES);
         check_values(answer->steps, answer->has_steps, GCODE_MAX_AXES);
     }
-    if (answer->kind == GCODE_SETTING)
+    if (answer->kind == GCODE_SETTING || answer->kind == GCODE_LIMIT)
         check_values(&answer->value, NULL, 1);
     gcode_alarm_text(answer->number);
     gcode_error_text(answer->number);
@@ -54,6 +54,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
             g_assert_cmpint(answer.kind, ==, GCODE_NONE);
         }
         gcode_marlin_read(*line, &answer);
+        check(&answer);
+        gcode_klipper_read(*line, &answer);
         check(&answer);
     }
     return 0;

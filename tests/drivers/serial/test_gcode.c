@@ -45,11 +45,11 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
 
 static Axis *open_axis(struct bench *bench, struct part *part, const char *keys, GError **error) {
     const struct config_section *section;
-    const gboolean marlin = strstr(keys, "dialect = marlin") != NULL;
+    const gboolean other = strstr(keys, "dialect = ") && !strstr(keys, "homing = ");
     g_autofree char *text =
         g_strdup_printf("[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 500\nboot_ms = "
                         "1200\npoll_ms = 5\n%s%s",
-                        virtual_gcode_port(bench->board), marlin ? "homing = axis\n" : "", keys);
+                        virtual_gcode_port(bench->board), other ? "homing = axis\n" : "", keys);
     const struct conformance with = {.section = text};
     part->config = conformance_config(&with, "", &section);
     part->axis = axis_open(&gcode_axis_driver, section, NULL, bench->clock, error);
@@ -139,10 +139,14 @@ static void wait_safe(struct bench *bench, struct part *part) {
 }
 
 static const struct virtual_gcode_options grbl = {.single_homing = TRUE};
-static const struct virtual_gcode_options marlin = {.marlin = TRUE, .emergency_parser = TRUE};
-static const struct virtual_gcode_options simple_marlin = {.marlin = TRUE};
+static const struct virtual_gcode_options marlin = {.language = VIRTUAL_MARLIN,
+                                                    .emergency_parser = TRUE};
+static const struct virtual_gcode_options simple_marlin = {.language = VIRTUAL_MARLIN};
 
-#define MARLIN "dialect = marlin\n"
+static const struct virtual_gcode_options klipper = {.language = VIRTUAL_KLIPPER, .boot_ms = 300};
+
+#define MARLIN  "dialect = marlin\n"
+#define KLIPPER "dialect = klipper\n"
 
 /* The right axis of the board moves the right way, and the others stay. */
 static void truth(const struct virtual_gcode_options *with, const char *language) {
@@ -171,6 +175,10 @@ TEST(truth_marlin) {
     truth(&marlin, MARLIN);
 }
 
+TEST(truth_klipper) {
+    truth(&klipper, KLIPPER);
+}
+
 TEST(other_way) {
     struct bench bench;
     begin(&bench, &grbl,
@@ -184,9 +192,9 @@ TEST(other_way) {
     end(&bench);
 }
 
-/* A stop brakes with a ramp, and the position stays known. */
-static void stops(const struct virtual_gcode_options *with, const char *language,
-                  gboolean has_ramp) {
+/* The position stays known after a stop. aborts: the stop has no ramp. holds: it is a feed hold. */
+static void stops(const struct virtual_gcode_options *with, const char *language, gboolean aborts,
+                  gboolean holds) {
     struct bench bench;
     g_autofree char *keys = g_strconcat(language, MOTION, NULL);
     begin(&bench, with, keys, NULL);
@@ -199,8 +207,8 @@ static void stops(const struct virtual_gcode_options *with, const char *language
     const struct virtual_gcode_state after = state_of(&bench);
     g_assert_false(after.moving);
     g_assert_false(after.alarm);
-    g_assert_cmpint(after.n_aborted, ==, before.n_aborted + !has_ramp);
-    g_assert_cmpint(after.n_holds, ==, before.n_holds + has_ramp);
+    g_assert_cmpint(after.n_aborted, ==, before.n_aborted + aborts);
+    g_assert_cmpint(after.n_holds, ==, before.n_holds + holds);
     g_assert_true(axis_is_homed(bench.a.axis));
     g_assert_cmpfloat(axis_position_deg(bench.a.axis), >, 1);
     assert_at(&bench, 0, HOME_AT + 2 * axis_position_deg(bench.a.axis));
@@ -211,15 +219,85 @@ static void stops(const struct virtual_gcode_options *with, const char *language
 }
 
 TEST(stops) {
-    stops(&grbl, "", TRUE);
+    stops(&grbl, "", FALSE, TRUE);
 }
 
 TEST(stops_marlin) {
-    stops(&marlin, MARLIN, FALSE);
+    stops(&marlin, MARLIN, TRUE, FALSE);
 }
 
 TEST(stops_simple_marlin) {
-    stops(&simple_marlin, MARLIN, FALSE);
+    stops(&simple_marlin, MARLIN, TRUE, FALSE);
+}
+
+TEST(stops_klipper) {
+    stops(&klipper, KLIPPER, FALSE, FALSE);
+}
+
+/* A program that has died sends no further pieces of a move. The motion ends by itself. */
+TEST(ends_klipper) {
+    struct bench bench;
+    begin(&bench, &klipper, KLIPPER MOTION, NULL);
+    home(&bench, &bench.a);
+    ok(axis_move(bench.a.axis, 300, ERR)); /* 6 s */
+    wait_moving(&bench);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.cut = TRUE});
+    g_usleep(2500000);
+    const struct virtual_gcode_state state = state_of(&bench);
+    g_assert_false(state.moving);
+    g_assert_cmpfloat(state.at[0], >, HOME_AT + 50);
+    g_assert_cmpfloat(state.at[0], <, HOME_AT + 250);
+    g_assert_cmpint(state.n_aborted, ==, 0);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+    end(&bench);
+}
+
+/* A homing is stopped by M112. The next homing restarts Klipper. */
+TEST(stops_homing_klipper) {
+    struct bench bench;
+    struct virtual_gcode_options options = klipper;
+    options.switch_way = 3000;
+    begin(&bench, &options, KLIPPER FAST, NULL);
+    ok(axis_home(bench.a.axis, ERR));
+    wait_moving(&bench);
+    ok(axis_stop(bench.a.axis, ERR));
+    expect(&bench, &bench.a, AXIS_STOPPED);
+    g_assert_cmpint(state_of(&bench).n_kills, ==, 1);
+    g_assert_false(state_of(&bench).moving);
+    g_assert_false(axis_is_homed(bench.a.axis));
+    const int n_resets = state_of(&bench).n_resets;
+    home(&bench, &bench.a);
+    g_assert_cmpint(state_of(&bench).n_resets, ==, n_resets + 1);
+    g_assert_cmpint(state_of(&bench).n_kills, ==, 1);
+    move(&bench, &bench.a, 20);
+    assert_at(&bench, 0, HOME_AT + 40);
+    end(&bench);
+}
+
+/* A Klipper that was shut down before the port was opened can be homed. */
+TEST(opens_shut_down_klipper) {
+    struct bench bench;
+    begin_board(&bench, &klipper);
+    virtual_gcode_receive(bench.board, "M112\n");
+    ok(open_axis(&bench, &bench.a, KLIPPER FAST, ERR));
+    ok(axis_halt(bench.a.axis, ERR));
+    expect(&bench, &bench.a, AXIS_STOPPED);
+    home(&bench, &bench.a);
+    move(&bench, &bench.a, 20);
+    assert_at(&bench, 0, HOME_AT + 40);
+    end(&bench);
+}
+
+/* A Klipper that still starts is waited for. */
+TEST(boots_klipper) {
+    struct bench bench;
+    begin_board(&bench, &klipper);
+    virtual_gcode_reset(bench.board);
+    const gint64 start = g_get_monotonic_time();
+    ok(open_axis(&bench, &bench.a, KLIPPER FAST, ERR));
+    g_assert_cmpint(g_get_monotonic_time() - start, >=, 250000);
+    home(&bench, &bench.a);
+    end(&bench);
 }
 
 /* The oks of lines before the stop come after it, and count for no later line. */
@@ -292,14 +370,16 @@ TEST(take_turns) {
 }
 
 /* The stop of an axis that stands or waits does not disturb another one. */
-TEST(stop_of_another) {
+static void stop_of_another(const struct virtual_gcode_options *with, const char *language) {
     struct bench bench;
-    begin(&bench, &grbl, MOTION, FAST "letter = Y\n");
+    g_autofree char *a = g_strconcat(language, MOTION, NULL);
+    g_autofree char *b = g_strconcat(language, FAST "letter = Y\n", NULL);
+    begin(&bench, with, a, b);
     ok(axis_home(bench.a.axis, ERR));
     ok(axis_home(bench.b.axis, ERR));
     expect(&bench, &bench.a, AXIS_HOMED);
     expect(&bench, &bench.b, AXIS_HOMED);
-    ok(axis_move(bench.a.axis, 60, ERR));
+    ok(axis_move(bench.a.axis, 200, ERR));
     wait_moving(&bench);
     ok(axis_halt(bench.b.axis, ERR));
     expect(&bench, &bench.b, AXIS_STOPPED);
@@ -309,16 +389,27 @@ TEST(stop_of_another) {
     expect(&bench, &bench.b, AXIS_STOPPED);
     g_assert_true(state_of(&bench).moving);
     expect(&bench, &bench.a, AXIS_ARRIVED);
-    assert_at(&bench, 0, HOME_AT + 120);
+    assert_at(&bench, 0, HOME_AT + 400);
     assert_at(&bench, 1, HOME_AT);
     g_assert_cmpint(state_of(&bench).n_holds, ==, 0);
+    g_assert_cmpint(state_of(&bench).n_kills, ==, 0);
     end(&bench);
 }
 
-/* "$H" homes the whole board. An axis that had a position is moved back to it. */
-TEST(homing_moves_back) {
+TEST(stop_of_another) {
+    stop_of_another(&grbl, "");
+}
+
+TEST(stop_of_another_klipper) {
+    stop_of_another(&klipper, KLIPPER);
+}
+
+/* "$H" and "G28" home the whole board. An axis that had a position is moved back to it. */
+static void homing_moves_back(const struct virtual_gcode_options *with, const char *language) {
     struct bench bench;
-    begin(&bench, &grbl, FAST, FAST "letter = Y\n");
+    g_autofree char *a = g_strconcat(language, FAST, NULL);
+    g_autofree char *b = g_strconcat(language, FAST "letter = Y\n", NULL);
+    begin(&bench, with, a, b);
     home(&bench, &bench.a);
     move(&bench, &bench.a, 77);
     home(&bench, &bench.b);
@@ -330,6 +421,14 @@ TEST(homing_moves_back) {
     move(&bench, &bench.a, 78);
     assert_at(&bench, 0, HOME_AT + 156);
     end(&bench);
+}
+
+TEST(homing_moves_back) {
+    homing_moves_back(&grbl, "");
+}
+
+TEST(homing_moves_back_klipper) {
+    homing_moves_back(&klipper, KLIPPER "homing = all\n");
 }
 
 /* The lines that move five axes back have more bytes than the board can store. */
@@ -429,6 +528,16 @@ TEST(left_moving_marlin) {
     left_moving(&marlin, MARLIN, "G1 X1000 F2000\n");
 }
 
+TEST(left_moving_klipper) {
+    left_moving(&klipper, KLIPPER, "G28\nG1 X1000 F2000\n");
+}
+
+TEST(left_homing_klipper) {
+    struct virtual_gcode_options options = klipper;
+    options.switch_way = 3000;
+    left_moving(&options, KLIPPER, "G28\n");
+}
+
 /* A board that an alarm has silenced is not a dead one. */
 TEST(silent_alarm) {
     struct bench bench;
@@ -470,6 +579,10 @@ TEST(held_up_marlin) {
     held_up(&marlin, MARLIN);
 }
 
+TEST(held_up_klipper) {
+    held_up(&klipper, KLIPPER);
+}
+
 /* What open() refuses. */
 static void refuses(const struct virtual_gcode_options *with, const char *keys, GQuark domain,
                     int code, const char *words) {
@@ -486,6 +599,8 @@ TEST(refuses__speed) {
             CONFIG_ERROR_VALUE, "speed_deg_s: the board allows 50 deg/s");
     refuses(&marlin, MARLIN "units_per_deg = 20\nspeed_deg_s = 60\naccel_deg_s2 = 100\n",
             CONFIG_ERROR, CONFIG_ERROR_VALUE, "speed_deg_s: the board allows 50 deg/s");
+    refuses(&klipper, KLIPPER "units_per_deg = 20\nspeed_deg_s = 60\naccel_deg_s2 = 100\n",
+            CONFIG_ERROR, CONFIG_ERROR_VALUE, "speed_deg_s: the board allows 50 deg/s");
 }
 
 TEST(refuses__acceleration) {
@@ -501,6 +616,8 @@ TEST(refuses__homing) {
 TEST(refuses__letter) {
     refuses(&grbl, FAST "letter = A\n", CONFIG_ERROR, CONFIG_ERROR_VALUE,
             "letter: the board has no axis A");
+    refuses(&klipper, KLIPPER FAST "letter = A\n", CONFIG_ERROR, CONFIG_ERROR_VALUE,
+            "letter: the board has no axis A");
 }
 
 TEST(refuses__limits) {
@@ -511,6 +628,12 @@ TEST(refuses__limits) {
 TEST(refuses__other_language) {
     refuses(&marlin, FAST, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT, "baud and dialect");
     refuses(&grbl, MARLIN FAST, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+            "the board does not speak marlin");
+    refuses(&grbl, KLIPPER FAST, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+            "the board does not speak klipper");
+    refuses(&marlin, KLIPPER FAST, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+            "the board does not speak klipper");
+    refuses(&klipper, MARLIN FAST, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
             "the board does not speak marlin");
 }
 
@@ -565,7 +688,7 @@ TEST(refuses__other_settings) {
 
 /* Presets are sections to copy: every key of theirs is one of the driver's. */
 TEST(presets) {
-    static const char *const names[] = {"grbl.conf", "marlin.conf"};
+    static const char *const names[] = {"grbl.conf", "marlin.conf", "klipper.conf"};
     static const char *const also[] = {"driver", NULL};
     for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
         const struct driver_info *info = &gcode_axis_driver.info;
@@ -591,6 +714,11 @@ static void press(VirtualGcode *board) {
 
 static void open_door(VirtualGcode *board) {
     virtual_gcode_set_door(board, TRUE);
+}
+
+/* Somebody presses the emergency stop of a user interface of Klipper. */
+static void send_m112(VirtualGcode *board) {
+    virtual_gcode_receive(board, "M112\n");
 }
 
 static void push(VirtualGcode *board) {
@@ -733,14 +861,86 @@ static const struct fault {
      DEVICE_ERROR_DISCONNECTED,
      "was unplugged"},
     {"pushed-marlin", MARLIN, STANDING, {0}, push, DEVICE_ERROR_STALLED, "without a command"},
+    {"silent-klipper",
+     KLIPPER,
+     MOVING,
+     {.silent = TRUE},
+     NULL,
+     DEVICE_ERROR_TIMEOUT,
+     "has not answered"},
+    {"cut-klipper", KLIPPER, MOVING, {.cut = TRUE}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
+    {"cut-before-klipper",
+     KLIPPER,
+     BEFORE,
+     {.cut = TRUE},
+     NULL,
+     DEVICE_ERROR_TIMEOUT,
+     "has not answered"},
+    {"late-ok-klipper",
+     KLIPPER,
+     BEFORE,
+     {.late_ok_ms = 1300},
+     NULL,
+     DEVICE_ERROR_TIMEOUT,
+     "has not answered"},
+    {"lost-answers-klipper",
+     KLIPPER,
+     MOVING,
+     {.lose_sent = 5},
+     NULL,
+     DEVICE_ERROR_TIMEOUT,
+     "has not answered"},
+    {"reset-klipper",
+     KLIPPER,
+     MOVING,
+     {0},
+     virtual_gcode_reset,
+     DEVICE_ERROR_DISCONNECTED,
+     "Klipper was restarted, so the position is lost; home it"},
+    {"reset-standing-klipper",
+     KLIPPER,
+     STANDING,
+     {0},
+     virtual_gcode_reset,
+     DEVICE_ERROR_DISCONNECTED,
+     "Klipper was restarted"},
+    {"unplugged-klipper",
+     KLIPPER,
+     MOVING,
+     {0},
+     virtual_gcode_unplug,
+     DEVICE_ERROR_DISCONNECTED,
+     "was unplugged"},
+    {"pushed-klipper", KLIPPER, STANDING, {0}, push, DEVICE_ERROR_STALLED, "without a command"},
+    {"m112-klipper",
+     KLIPPER,
+     MOVING,
+     {0},
+     send_m112,
+     DEVICE_ERROR_STALLED,
+     "Klipper has shut down, so the position is lost; see its log"},
+    {"m112-standing-klipper",
+     KLIPPER,
+     STANDING,
+     {0},
+     send_m112,
+     DEVICE_ERROR_STALLED,
+     "Klipper has shut down"},
+    {"no-switch-klipper",
+     KLIPPER,
+     HOMING,
+     {.no_switch = TRUE},
+     NULL,
+     DEVICE_ERROR_STALLED,
+     "Klipper reports: No trigger on x after full movement; check its switches"},
 };
 
 static void run_fault(gconstpointer data) {
     const struct fault *fault = data;
-    const gboolean is_marlin = *fault->keys != 0;
+    const gboolean is_marlin = strcmp(fault->keys, MARLIN) == 0;
     struct bench bench;
     g_autofree char *keys = g_strconcat(fault->keys, MOTION, NULL);
-    struct virtual_gcode_options options = is_marlin ? marlin : grbl;
+    struct virtual_gcode_options options = is_marlin ? marlin : *fault->keys ? klipper : grbl;
     options.resets_on_open = is_marlin; /* M112 may halt it */
     begin(&bench, &options, keys, NULL);
     home(&bench, &bench.a);
@@ -776,6 +976,38 @@ static void run_fault(gconstpointer data) {
     home(&bench, &bench.a);
     move(&bench, &bench.a, 5);
     assert_at(&bench, 0, HOME_AT + 10);
+    end(&bench);
+}
+
+/* Without [force_move], Klipper does not know SET_KINEMATIC_POSITION. */
+TEST(no_force_move) {
+    struct bench bench;
+    struct virtual_gcode_options options = klipper;
+    options.homing_off = TRUE;
+    begin(&bench, &options, KLIPPER FAST "homing = here\n", NULL);
+    ok(axis_home(bench.a.axis, ERR));
+    expect(&bench, &bench.a, AXIS_FAULT);
+    if (!strstr(bench.a.error->message, "unknown command \"SET_KINEMATIC_POSITION\"; set "
+                                        "enable_force_move: True"))
+        g_error("%s", bench.a.error->message);
+    wait_safe(&bench, &bench.a);
+    end(&bench);
+}
+
+TEST(soft_limit_klipper) {
+    struct bench bench;
+    struct virtual_gcode_options options = klipper;
+    options.max_travel = 50;
+    begin(&bench, &options, KLIPPER MOTION, NULL);
+    home(&bench, &bench.a);
+    ok(axis_move(bench.a.axis, 30, ERR));
+    expect(&bench, &bench.a, AXIS_FAULT);
+    if (!strstr(bench.a.error->message, "Klipper reports: Move out of range: "))
+        g_error("%s", bench.a.error->message);
+    wait_safe(&bench, &bench.a);
+    g_assert_cmpint(state_of(&bench).n_kills, ==, 0);
+    home(&bench, &bench.a);
+    move(&bench, &bench.a, 20);
     end(&bench);
 }
 
@@ -923,6 +1155,13 @@ static void chaos(const struct virtual_gcode_options *with, const char *language
         "Error:something",
         "Error:Printer halted. kill() called!",
         "X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:1000 Y:2000 Z:3000",
+        "X:1.000 Y:2.000 Z:3.000 E:0.000",
+        "// Klipper state: Ready",
+        "// Klipper state: Shutdown",
+        "// Klipper state: Disconnect",
+        "// ECHO MESORIG=1",
+        "// Unknown command:\"G28\"",
+        "!! Must home axis first: 1.000 2.000 3.000 [0.000]",
     };
     struct bench bench;
     g_autoptr(GRand) random = g_rand_new_with_seed(seed);
@@ -980,6 +1219,11 @@ TEST(chaos_marlin) {
     options.resets_on_open = TRUE;
     for (guint32 seed = 1; seed <= 2; seed++)
         chaos(&options, MARLIN, seed);
+}
+
+TEST(chaos_klipper) {
+    for (guint32 seed = 1; seed <= 2; seed++)
+        chaos(&klipper, KLIPPER, seed);
 }
 
 BEFORE_TESTS {

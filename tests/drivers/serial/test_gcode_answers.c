@@ -145,6 +145,59 @@ TEST(grbl) {
     }
 }
 
+TEST(klipper) {
+    struct gcode_answer answer;
+    gcode_klipper_read("X:10.000 Y:-2.500 Z:0.000 E:7.000", &answer);
+    g_assert_cmpint(answer.kind, ==, GCODE_POSITION);
+    g_assert_true(answer.has_at[1] && !answer.has_at[3] && !answer.has_steps[0]);
+    g_assert_cmpfloat(answer.at[1], ==, -2.5);
+    gcode_klipper_read("// max_accel: 3000.000000", &answer);
+    g_assert_cmpint(answer.kind, ==, GCODE_LIMIT);
+    g_assert_cmpfloat(answer.value, ==, 3000);
+    gcode_klipper_read("ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:v0.13.0-300-gabc", &answer);
+    g_assert_cmpint(answer.kind, ==, GCODE_OK);
+    g_assert_cmpstr(answer.text, ==, "Klipper v0.13.0-300-gabc");
+    gcode_klipper_read("ok FIRMWARE_VERSION:v0.9 FIRMWARE_NAME:Klipper", &answer);
+    g_assert_cmpstr(answer.text, ==, "Klipper v0.9");
+    gcode_klipper_read("!! Move out of range: 1.000", &answer);
+    g_assert_cmpint(answer.kind, ==, GCODE_FAILURE);
+    g_assert_cmpstr(answer.text, ==, "Move out of range: 1.000");
+    gcode_klipper_read("// Unknown command:\"M410\"", &answer);
+    g_assert_cmpint(answer.kind, ==, GCODE_UNKNOWN);
+    g_assert_cmpstr(answer.text, ==, "\"M410\"");
+    static const struct {
+        const char *line;
+        enum gcode_kind kind;
+        int number;
+    } cases[] = {
+        {"ok", GCODE_OK, 0},
+        {"ok T:0", GCODE_OK, 0},
+        {"okk", GCODE_NONE, 0},
+        {"// ECHO MESORIG=17", GCODE_ECHO, 17},
+        {"// ECHO MESORIG=17x", GCODE_NONE, 0},
+        {"// ECHO MESORIG=", GCODE_NONE, 0},
+        {"// max_velocity: 300.000000", GCODE_LIMIT, 203},
+        {"// max_velocity: 300.0 mm", GCODE_NONE, 0},
+        {"// max_accel_to_decel: 1500.000000", GCODE_NONE, 0},
+        {"// Klipper state: Ready", GCODE_STATE, KLIPPER_READY},
+        {"// Klipper state: Shutdown", GCODE_STATE, KLIPPER_SHUTDOWN},
+        {"// Klipper state: Disconnect", GCODE_STATE, KLIPPER_LEAVES},
+        {"// Klipper state: Not ready", GCODE_NONE, 0},
+        {"// Printer is not ready", GCODE_STATE, KLIPPER_STARTING},
+        {"// Printer is shutdown", GCODE_STATE, KLIPPER_SHUTDOWN},
+        {"// Printer is halted", GCODE_STATE, KLIPPER_HALTED},
+        {"X:1.000 Y:2.000", GCODE_NONE, 0},
+        {"X:1.00 Y:2.000 Z:3.000 E:0.000", GCODE_NONE, 0},
+        {"X:1.000 Y:2.000 Z:3.000 E:0.0000", GCODE_NONE, 0},
+        {"X:1.000 Y:2.000 Z:3.000 E:0.000 Count X:1", GCODE_NONE, 0},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        gcode_klipper_read(cases[i].line, &answer);
+        if (answer.kind != cases[i].kind || answer.number != cases[i].number)
+            g_error("\"%s\" is %d with %d", cases[i].line, (int)answer.kind, answer.number);
+    }
+}
+
 TEST(marlin) {
     struct gcode_answer answer;
     gcode_marlin_read("X:10.00 Y:-2.50 Z:0.00 E:7.00 Count X:800 Y:-200 Z:0", &answer);

@@ -7,20 +7,30 @@
 
 #include <string.h>
 
+#define FAST "speed_deg_s = 400\naccel_deg_s2 = 4000\n"
+/* Klipper brakes up to 1.5 s after the stop, so the moves must be longer. */
+#define SLOW "speed_deg_s = 24\naccel_deg_s2 = 400\n"
+
 static const struct board {
     const char *name, *keys;
     struct virtual_gcode_options options;
 } boards[] = {
-    {"grbl", "", {0}},
+    {"grbl", FAST, {0}},
     {"fluidnc",
-     "homing = axis\nletter = A\nunits_per_deg = -0.5\n",
+     FAST "homing = axis\nletter = A\nunits_per_deg = -0.5\n",
      {.n_axes = 6, .single_homing = TRUE, .work_positions = TRUE}},
     {"marlin",
-     "dialect = marlin\nletter = Y\nhoming = axis\n",
-     {.marlin = TRUE, .emergency_parser = TRUE, .resets_on_open = TRUE, .boot_ms = 50}},
+     FAST "dialect = marlin\nletter = Y\nhoming = axis\n",
+     {.language = VIRTUAL_MARLIN, .emergency_parser = TRUE, .resets_on_open = TRUE, .boot_ms = 50}},
     {"marlin-simple",
-     "dialect = marlin\nhoming = here\nbacklash_deg = 0.2\n",
-     {.marlin = TRUE, .resets_on_open = TRUE}},
+     FAST "dialect = marlin\nhoming = here\nbacklash_deg = 0.2\n",
+     {.language = VIRTUAL_MARLIN, .resets_on_open = TRUE}},
+    {"klipper",
+     SLOW "dialect = klipper\nletter = Y\nhoming = axis\n",
+     {.language = VIRTUAL_KLIPPER, .boot_ms = 200}},
+    {"klipper-here",
+     SLOW "dialect = klipper\nhoming = here\nbacklash_deg = 0.2\n",
+     {.language = VIRTUAL_KLIPPER, .boot_ms = 200}},
 };
 
 static VirtualGcode *models[G_N_ELEMENTS(boards)];
@@ -45,7 +55,7 @@ BEFORE_TESTS {
             .name = boards[i].name, .real_clock = TRUE, .fail = fail, .fail_data = models[i]};
         tested[i].section = g_strdup_printf(
             "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 1500\nboot_ms = 1000\n"
-            "min_deg = -90\nmax_deg = 90\nspeed_deg_s = 400\naccel_deg_s2 = 4000\npoll_ms = 5\n"
+            "min_deg = -90\nmax_deg = 90\npoll_ms = 5\n"
             "%s%s",
             virtual_gcode_port(models[i]),
             strstr(boards[i].keys, "units_per_deg") ? "" : "units_per_deg = 1\n", boards[i].keys);
