@@ -11,7 +11,8 @@
 
 #define MAX_ID 60 /* bytes of the name of the rig */
 
-static char *kind_option, *lamps_option, *radius_option;
+static char *kind_option, *lamps_option, *radius_option, *axes_option, *bank_option,
+    *cameras_option;
 static gboolean offline;
 
 static const GOptionEntry entries[] = {
@@ -23,6 +24,14 @@ static const GOptionEntry entries[] = {
     {"lamps", 0, 0, G_OPTION_ARG_STRING, &lamps_option, "Number of lamps", "N"},
     {"radius", 0, 0, G_OPTION_ARG_STRING, &radius_option, "Distance of the lamps from the sample",
      "MM"},
+    {"axes", 0, 0, G_OPTION_ARG_STRING, &axes_option,
+     "What moves the axes, and its port or path: tic, gcode:PORT or program:PATH", "WAY"},
+    {"bank", 0, 0, G_OPTION_ARG_STRING, &bank_option,
+     "What switches the lamps, and its port, address or path: relays, serial:PORT, artnet:ADDRESS, "
+     "sacn:ADDRESS, sacn:multicast, wled:ADDRESS or program:PATH",
+     "WAY"},
+    {"cameras", 0, 0, G_OPTION_ARG_STRING, &cameras_option,
+     "What takes the pictures: found (the cameras that are plugged in) or program:PATH", "WAY"},
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
      "Look for no devices: the rig file is for another computer", NULL},
     {NULL},
@@ -61,6 +70,68 @@ static char *take_radius(const char *text, struct new_rig *rig) {
     return NULL;
 }
 
+/* Returns a list of names: “tic, gcode or program”. Free it with g_free(). */
+static char *names_of(const struct new_rig_way *ways) {
+    GString *text = g_string_new(ways[0].name);
+    for (int i = 1; ways[i].name; i++)
+        g_string_append_printf(text, "%s%s", ways[i + 1].name ? ", " : " or ", ways[i].name);
+    return g_string_free(text, FALSE);
+}
+
+/* Reads “NAME” or “NAME:PLACE”. *ret_place becomes NULL without a place. */
+static char *take_way(const char *text, const struct new_rig_way *ways, int *ret,
+                      const char **ret_place) {
+    const char *colon = strchr(text, ':');
+    const gsize n = colon ? (gsize)(colon - text) : strlen(text);
+    g_autofree char *names = names_of(ways);
+    for (int i = 0; ways[i].name; i++) {
+        if (strncmp(ways[i].name, text, n) != 0 || ways[i].name[n])
+            continue;
+        if (colon && !ways[i].question)
+            return g_strdup_printf("“%s” has no port, address or path", ways[i].name);
+        *ret = i;
+        *ret_place = colon && colon[1] ? g_intern_string(colon + 1) : NULL;
+        return NULL;
+    }
+    return g_strdup_printf("there is no “%.*s”; choose from: %s", (int)n, text, names);
+}
+
+static char *take_axes(const char *text, struct new_rig *rig) {
+    int i = 0;
+    char *wrong = take_way(text, new_rig_axes, &i, &rig->axes_at);
+    rig->axes = (enum new_rig_axes)i;
+    return wrong;
+}
+
+static char *take_bank(const char *text, struct new_rig *rig) {
+    int i = 0;
+    char *wrong = take_way(text, new_rig_banks, &i, &rig->bank_at);
+    rig->bank = (enum new_rig_bank)i;
+    return wrong;
+}
+
+static char *take_cameras(const char *text, struct new_rig *rig) {
+    int i = 0;
+    char *wrong = take_way(text, new_rig_cameras, &i, &rig->camera_at);
+    rig->camera = (enum new_rig_camera)i;
+    return wrong;
+}
+
+static char *take_axes_at(const char *text, struct new_rig *rig) {
+    rig->axes_at = g_intern_string(text);
+    return NULL;
+}
+
+static char *take_bank_at(const char *text, struct new_rig *rig) {
+    rig->bank_at = g_intern_string(text);
+    return NULL;
+}
+
+static char *take_camera_at(const char *text, struct new_rig *rig) {
+    rig->camera_at = g_intern_string(text);
+    return NULL;
+}
+
 /* Asks on the terminal until the answer is valid. An empty answer, or the end of the input, means
  * the default. */
 static void ask(const char *question, const char *otherwise, Take take, struct new_rig *rig) {
@@ -76,6 +147,47 @@ static void ask(const char *question, const char *otherwise, Take take, struct n
             return;
         g_printerr("%s\n", wrong);
     }
+}
+
+/* Asks for the ways and the places that the options do not give. */
+static void ask_ways(struct new_rig *rig) {
+    const struct {
+        const char *given, *question;
+        const struct new_rig_way *ways;
+        Take take, take_place;
+    } asked[] = {
+        {axes_option, "What moves the axes", new_rig_axes, take_axes, take_axes_at},
+        {bank_option, "What switches the lamps", new_rig_banks, take_bank, take_bank_at},
+        {cameras_option, "What takes the pictures", new_rig_cameras, take_cameras, take_camera_at},
+    };
+    for (gsize i = rig->kind == NEW_RIG_DOME ? 1 : 0; i < G_N_ELEMENTS(asked); i++) {
+        g_autofree char *names = names_of(asked[i].ways);
+        g_autofree char *question = g_strdup_printf("%s: %s", asked[i].question, names);
+        if (!asked[i].given)
+            ask(question, asked[i].ways[0].name, asked[i].take, rig);
+        const int chosen[] = {(int)rig->axes, (int)rig->bank, (int)rig->camera};
+        const char *const places[] = {rig->axes_at, rig->bank_at, rig->camera_at};
+        const struct new_rig_way *way = &asked[i].ways[chosen[i]];
+        if (way->question && !places[i])
+            ask(way->question, way->usual, asked[i].take_place, rig);
+    }
+    if (rig->bank == NEW_RIG_SACN && g_str_equal(rig->bank_at, "multicast"))
+        rig->bank_at = "";
+}
+
+/* Asks the G-code board for its language. */
+static void ask_board(struct new_rig *rig, GPtrArray *problems) {
+    g_autoptr(GError) error = NULL;
+    char *firmware;
+    if (rig->axes != NEW_RIG_GCODE || rig->kind == NEW_RIG_DOME)
+        return;
+    rig->dialect = "";
+    if (!finder_gcode(rig->axes_at, &rig->dialect, &rig->baud, &firmware, &error)) {
+        g_ptr_array_add(problems, g_strdup(error->message));
+        return;
+    }
+    rig->firmware = g_intern_string(firmware);
+    g_free(firmware);
 }
 
 /* Returns the name of the file without its suffix, which becomes the name of the rig. */
@@ -124,6 +236,9 @@ static int run(const struct call *call, GError **error) {
         {"kind", kind_option, "Kind of rig: dome, turntable or arc", take_kind},
         {"lamps", lamps_option, "Number of lamps", take_lamps},
         {"radius", radius_option, "Distance of the lamps from the sample, in mm", take_radius},
+        {"axes", axes_option, NULL, take_axes},
+        {"bank", bank_option, NULL, take_bank},
+        {"cameras", cameras_option, NULL, take_cameras},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(asked); i++)
         if (asked[i].given && (wrong = asked[i].take(asked[i].given, &rig)))
@@ -133,10 +248,13 @@ static int run(const struct call *call, GError **error) {
         return CLI_FAILED;
     for (gsize i = 0; i < G_N_ELEMENTS(asked); i++) {
         g_autofree char *usual = g_strdup_printf("%d", new_rig_lamps(rig.kind));
-        const char *const defaults[] = {new_rig_kinds[0], usual, "400"};
-        if (!asked[i].given)
+        const char *const defaults[] = {new_rig_kinds[0], usual, "400", "", "", ""};
+        if (!asked[i].given && asked[i].question)
             ask(asked[i].question, defaults[i], asked[i].take, &rig);
     }
+    ask_ways(&rig);
+    if (!offline)
+        ask_board(&rig, problems);
     const struct finder_modbus modbus = {0};
     g_autoptr(GPtrArray) found = offline ? found_list_new() : finder_scan(&modbus, problems, error);
     if (!found)
@@ -156,9 +274,12 @@ const struct command cli_new_rig = {
     .name = "new-rig",
     .arguments = "FILE.conf",
     .examples = "  mesorig new-rig rig.conf\n"
-                "  mesorig new-rig dome.conf --kind dome --lamps 64 --radius 400 --offline\n",
+                "  mesorig new-rig dome.conf --kind dome --lamps 64 --radius 400 --offline\n"
+                "  mesorig new-rig table.conf --kind turntable --axes gcode:/dev/ttyUSB0 --bank "
+                "wled:10.0.0.7\n",
     .help = "Write a first rig file for the devices that are plugged in. Asks for the kind of rig, "
-            "the number of lamps and their distance, unless options give them.",
+            "the number of lamps and their distance, and what operates axes, lamps and cameras, "
+            "unless options give them.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

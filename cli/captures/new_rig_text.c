@@ -6,6 +6,27 @@
 
 const char *const new_rig_kinds[] = {"dome", "turntable", "arc", NULL};
 
+const struct new_rig_way new_rig_axes[] = {
+    {"tic"},
+    {"gcode", "Serial port of the G-code board", "/dev/ttyUSB0"},
+    {"program", "Path of the program, and its arguments after “;”",
+     "/usr/local/lib/mesorig/axis.py"},
+    {NULL}};
+const struct new_rig_way new_rig_banks[] = {
+    {"relays"},
+    {"serial", "Serial port of the LED controller", "/dev/ttyACM0"},
+    {"artnet", "Address of the Art-Net node", "192.168.1.50"},
+    {"sacn", "Address of the sACN receiver, or multicast", "multicast"},
+    {"wled", "Address of the WLED controller", "192.168.1.50"},
+    {"program", "Path of the program, and its arguments after “;”",
+     "/usr/local/lib/mesorig/lamps.py"},
+    {NULL}};
+const struct new_rig_way new_rig_cameras[] = {{"found"},
+                                              {"program",
+                                               "Path of the program, and its arguments after “;”",
+                                               "/usr/share/mesorig/programs/rpicam.py"},
+                                              {NULL}};
+
 #define MAX_CAMERAS   8
 #define USB_MAX_LAMPS 8 /* maximum number of lamps of a USB relay board */
 /* Size in pixels that is assumed for a camera that does not report the size of its pictures. */
@@ -68,18 +89,72 @@ static void append_missing(GString *to, const char *heading, const char *what, G
     g_ptr_array_add(missing, g_strdup_printf("%s, for [%s]", what, heading));
 }
 
-static void append_axis(GString *to, const char *name, int n, const GPtrArray *found,
-                        GPtrArray *missing) {
+/* Appends the keys of a program. The name of the device is its last argument, because two sections
+ * must not have the same program with the same arguments. name may be NULL. */
+static void append_program(GString *to, const char *driver, const char *place, const char *name) {
+    const char *rest = strchr(place, ';');
+    const int n = rest ? (int)(rest - place) : (int)strlen(place);
+    g_string_append_printf(to, "driver = %s\nprogram = %.*s\n", driver, n, place);
+    if (rest || name)
+        g_string_append_printf(to, "arguments = %s%s%s\n", rest ? rest + 1 : "",
+                               rest && name ? "; " : "", name ? name : "");
+}
+
+/* Appends the keys of axis n of a G-code board. */
+static void append_gcode(GString *to, const struct new_rig *rig, const char *name, int n,
+                         GPtrArray *missing) {
+    const char *dialect = rig->dialect && *rig->dialect ? rig->dialect : "grbl";
+    g_autofree char *heading = g_strdup_printf("axis %s", name);
+
+    if (rig->firmware) {
+        g_string_append_printf(to, "\n# %s\n[%s]\n", rig->firmware, heading);
+    } else if (rig->dialect) {
+        g_autofree char *what = g_strdup_printf("a G-code board at %s", rig->axes_at);
+        append_missing(to, heading, what, missing);
+    } else {
+        g_string_append_printf(to, "\n[%s]\n", heading);
+    }
+    g_string_append(to, "driver = gcode-axis\n");
+    if (!rig->firmware)
+        g_string_append(to, "# CHECK: language of the board: grbl, marlin or klipper\n");
+    g_string_append_printf(to, "dialect = %s\nport = %s\n", dialect, rig->axes_at);
+    if (rig->baud > 0 && rig->baud != 115200)
+        g_string_append_printf(to, "baud = %d\n", rig->baud);
+    if (g_str_equal(dialect, "klipper"))
+        g_string_append(to,
+                        "# a restart of Klipper after an emergency stop takes this long\nboot_ms "
+                        "= 20000\n");
+    else if (g_str_equal(dialect, "marlin"))
+        g_string_append(to, "boot_ms = 10000\n");
+    g_string_append_printf(
+        to,
+        "letter = %c\n# CHECK: units of the board in a degree; 1 if it counts degrees\n"
+        "units_per_deg = 1\n# CHECK: here: no switch, where the axis stands is home_deg. With a "
+        "switch: axis, or all for GRBL\nhoming = here\n",
+        "XYZ"[n]);
+}
+
+static void append_axis(GString *to, const struct new_rig *rig, const char *name, int n,
+                        const GPtrArray *found, GPtrArray *missing) {
     const struct found *device = find(found, "[axis NAME]\ndriver = tic-axis\n", n);
     g_autofree char *heading = g_strdup_printf("axis %s", name);
 
-    if (device) {
+    if (rig->axes == NEW_RIG_GCODE) {
+        append_gcode(to, rig, name, n, missing);
+    } else if (rig->axes == NEW_RIG_AXIS_PROGRAM) {
+        g_string_append_printf(to, "\n[%s]\n", heading);
+        append_program(to, "program-axis", rig->axes_at, name);
+    } else if (device) {
         append_found(to, heading, device);
     } else {
         append_missing(to, heading, "a stepper controller", missing);
         g_string_append_printf(to, "driver = tic-axis\nserial = 0000000%d\n", n + 1);
     }
-    g_string_append(to, "# CHECK: microsteps in a degree of the axis\nsteps_per_deg = 100\n");
+    if (rig->axes == NEW_RIG_TIC)
+        g_string_append(to, "# CHECK: microsteps in a degree of the axis\nsteps_per_deg = 100\n");
+    else
+        g_string_append(to, "# CHECK: top speed and acceleration of the axis\nspeed_deg_s = 20\n"
+                            "accel_deg_s2 = 40\n");
     g_string_append(to, g_str_equal(name, "turntable") ? "wraps = yes\n"
                                                        : "min_deg = -170\nmax_deg = 170\n");
 }
@@ -118,13 +193,51 @@ static void append_places(GString *to, const struct new_rig *rig) {
                            rig->radius_mm);
 }
 
+/* Appends the keys of lamps that are not on relays. */
+static void append_bank(GString *to, const struct new_rig *rig) {
+    const char *at = rig->bank_at, *port = strrchr(at, ':');
+
+    switch (rig->bank) {
+    case NEW_RIG_SERIAL:
+        g_string_append_printf(to, "driver = serial-lamps\nport = %s\n", at);
+        return; /* the controller says how many lamps it has */
+    case NEW_RIG_LAMP_PROGRAM:
+        append_program(to, "program-lamps", at, NULL);
+        return;
+    case NEW_RIG_SACN:
+        g_string_append(to, "driver = sacn-lamps\n");
+        if (*at)
+            g_string_append_printf(to, "address = %s\n", at);
+        break;
+    case NEW_RIG_WLED:
+        g_string_append_printf(to, "driver = wled-lamps\naddress = %.*s\n",
+                               port ? (int)(port - at) : (int)strlen(at), at);
+        if (port)
+            g_string_append_printf(to, "http_port = %s\n", port + 1);
+        break;
+    default:
+        g_string_append_printf(to, "driver = artnet-lamps\naddress = %s\n", at);
+        break;
+    }
+    g_string_append(to,
+                    rig->bank == NEW_RIG_WLED
+                        ? "# CHECK: first LED of the first lamp, and number of LEDs of each "
+                          "lamp\nfirst_led = 0\nleds = 1\n"
+                        : "# CHECK: universe and first channel of the first lamp\nuniverse = 1\n"
+                          "start = 1\n");
+    g_string_append_printf(to, "n = %d\n", rig->n_lamps);
+}
+
 static void append_lamps(GString *to, const struct new_rig *rig, const GPtrArray *found,
                          GPtrArray *missing) {
     static const char *const names[] = {"dome", "ring", "arc"};
     const struct found *usb = find(found, "[lamps NAME]\ndriver = usb-relays", 0);
     g_autofree char *heading = g_strdup_printf("lamps %s", names[rig->kind]);
 
-    if (usb && rig->n_lamps <= USB_MAX_LAMPS) {
+    if (rig->bank != NEW_RIG_RELAYS) {
+        g_string_append_printf(to, "\n[%s]\n", heading);
+        append_bank(to, rig);
+    } else if (usb && rig->n_lamps <= USB_MAX_LAMPS) {
         append_found(to, heading, usb);
         g_string_append_printf(to, "n_lamps = %d\n", rig->n_lamps);
     } else {
@@ -154,7 +267,10 @@ static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
     g_autofree char *heading =
         n > 1 ? g_strdup_printf("camera cam%d", i + 1) : g_strdup("camera cam");
 
-    if (device) {
+    if (rig->camera == NEW_RIG_CAMERA_PROGRAM) {
+        g_string_append_printf(to, "\n[%s]\n", heading);
+        append_program(to, "program-camera", rig->camera_at, NULL);
+    } else if (device) {
         append_found(to, heading, device);
     } else {
         append_missing(to, heading, "a camera", missing);
@@ -180,7 +296,8 @@ char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray 
     GString *text = g_string_new(NULL);
     int n_cameras = 0;
 
-    while (n_cameras < MAX_CAMERAS && find(found, "[camera ", n_cameras))
+    while (rig->camera == NEW_RIG_FOUND && n_cameras < MAX_CAMERAS &&
+           find(found, "[camera ", n_cameras))
         n_cameras++;
     g_string_append_printf(text,
                            "# A rig of the kind “%s”, made by “mesorig new-rig”. rig.conf(5) "
@@ -193,13 +310,14 @@ char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray 
                                "its lamps\narc_radius_mm = %g\narc_width_mm = 30\n",
                                rig->radius_mm);
     if (rig->kind != NEW_RIG_DOME)
-        append_axis(text, "turntable", 0, found, missing);
+        append_axis(text, rig, "turntable", 0, found, missing);
     if (rig->kind == NEW_RIG_ARC)
-        append_axis(text, "arc", 1, found, missing);
+        append_axis(text, rig, "arc", 1, found, missing);
     append_lamps(text, rig, found, missing);
     if (rig->kind == NEW_RIG_DOME)
         n_cameras = MIN(n_cameras, 1);
     for (int i = 0; i < MAX(n_cameras, 1); i++)
-        append_camera(text, rig, i, MAX(n_cameras, 1), find(found, "[camera ", i), missing);
+        append_camera(text, rig, i, MAX(n_cameras, 1),
+                      n_cameras > 0 ? find(found, "[camera ", i) : NULL, missing);
     return g_string_free(text, FALSE);
 }

@@ -12,6 +12,29 @@ enum new_rig_kind {
 };
 extern const char *const new_rig_kinds[]; /* their names, NULL-terminated */
 
+/* A way to operate axes, lamps or cameras. */
+struct new_rig_way {
+    const char *name;
+    /* Question for the place of the device, and the usual answer. NULL if there is no such
+     * question. The place of a program is its path, which arguments may follow, all separated by
+     * “;”. */
+    const char *question, *usual;
+};
+
+/* In the order of new_rig_axes, new_rig_banks and new_rig_cameras, which end with a name of NULL.
+ */
+enum new_rig_axes { NEW_RIG_TIC, NEW_RIG_GCODE, NEW_RIG_AXIS_PROGRAM };
+enum new_rig_bank {
+    NEW_RIG_RELAYS,
+    NEW_RIG_SERIAL, /* an LED controller on a serial port */
+    NEW_RIG_ARTNET,
+    NEW_RIG_SACN,
+    NEW_RIG_WLED, /* the place may have a port: 10.0.0.7:8080 */
+    NEW_RIG_LAMP_PROGRAM,
+};
+enum new_rig_camera { NEW_RIG_FOUND, NEW_RIG_CAMERA_PROGRAM };
+extern const struct new_rig_way new_rig_axes[], new_rig_banks[], new_rig_cameras[];
+
 /* Maximum number of lamps: the bank is one board on a Modbus line. */
 #define NEW_RIG_MAX_LAMPS     64
 #define NEW_RIG_MIN_RADIUS_MM 10.0
@@ -22,6 +45,15 @@ struct new_rig {
     enum new_rig_kind kind;
     int n_lamps; /* 1 to NEW_RIG_MAX_LAMPS */
     double radius_mm;
+    enum new_rig_axes axes;
+    enum new_rig_bank bank;
+    enum new_rig_camera camera;
+    /* Places of the devices. An empty place of NEW_RIG_SACN means multicast. */
+    const char *axes_at, *bank_at, *camera_at;
+    /* The G-code board at axes_at as it has answered. dialect is NULL if it was not asked, and “”
+     * if it did not answer. */
+    const char *dialect, *firmware;
+    int baud;
 };
 
 /* Returns the usual number of lamps of a kind. */

@@ -3,6 +3,7 @@
 #include "aravis/camera.h"
 #include "gphoto2/gphoto2.h"
 #include "modbus/scan.h"
+#include "serial/detect.h"
 #include "usb/scan.h"
 #include "v4l2/v4l2.h"
 
@@ -61,4 +62,13 @@ GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_proble
     if (modbus->bus && !modbus_scan(&link, modbus->first, modbus->last, found, &problem))
         add_problem(ret_problems, g_steal_pointer(&problem));
     return found;
+}
+
+gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
+                      char **ret_firmware, GError **error) {
+    enum gcode_dialect dialect;
+    if (!gcode_detect(port, &dialect, ret_baud, ret_firmware, error))
+        return FALSE;
+    *ret_dialect = gcode_dialects[dialect];
+    return TRUE;
 }

@@ -19,3 +19,9 @@ struct finder_modbus {
  * tenth of a second for each unit number without a device. Returns NULL with an error if the parity
  * is wrong. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);
+
+/* Asks the G-code board at a serial port which language it speaks (serial/detect.h). *ret_dialect
+ * is a value of the key dialect, which is not freed. The caller frees *ret_firmware. Opening the
+ * port resets most boards. Blocks for at most 7 s. */
+gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
+                      char **ret_firmware, GError **error);

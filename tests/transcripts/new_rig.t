@@ -6,6 +6,8 @@ A first rig file, from options or from answers.
   not found: a camera, for [camera cam]
   Correct what stands below CHECK and NOT FOUND in the file. Then check it:
     mesorig plan --offline dome.conf SESSION.conf
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
+  What takes the pictures: found or program [found]: 
   $ mesorig plan --offline dome.conf "$SMALL/../../etc/demo/dome/session.conf"
   session         dome
   directions      1 view, 64 lights, 0 laser positions; 64 pictures of the BTF
@@ -32,7 +34,9 @@ A first rig file, from options or from answers.
     mesorig plan --offline arc.conf SESSION.conf
   Kind of rig: dome, turntable or arc [dome]: there is no kind of rig “ring”; choose from: dome, turntable, arc
   Kind of rig: dome, turntable or arc [dome]: Number of lamps [5]: “0” is not a number of lamps from 1 to 64. Place further lamps in the section of a further bank
-  Number of lamps [5]: Distance of the lamps from the sample, in mm [400]:  (no-eol)
+  Number of lamps [5]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: 
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
+  What takes the pictures: found or program [found]: 
   $ cat arc.conf
   # A rig of the kind “arc”, made by “mesorig new-rig”. rig.conf(5) explains every key.
   # Lengths are in millimetres, angles in degrees. Correct what stands below CHECK and NOT FOUND.
@@ -91,6 +95,66 @@ A first rig file, from options or from answers.
   $ mesorig new-rig --offline --lamps 2 --json turn.conf --kind turntable < /dev/null
   {"file": "turn.conf", "kind": "turntable", "lamps": 2, "radius_mm": 400, "missing": ["a stepper controller, for [axis turntable]", "a relay board for 2 lamps, for [lamps ring]", "a camera, for [camera cam]"], "replaced": false}
   Distance of the lamps from the sample, in mm [400]: 
+  What moves the axes: tic, gcode or program [tic]: 
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
+  What takes the pictures: found or program [found]: 
+  $ printf 'turntable\n4\n\ngcode\n/tmp/printer\nhue\nwled\n10.0.0.7:8080\nprogram\n/opt/camera.py;left\n' | mesorig new-rig --offline ways.conf
+  ways.conf: a rig of the kind turntable with 4 lamps at 400 mm
+  Correct what stands below CHECK in the file. Then check it:
+    mesorig plan --offline ways.conf SESSION.conf
+  Kind of rig: dome, turntable or arc [dome]: Number of lamps [16]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: Serial port of the G-code board [/dev/ttyUSB0]: What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: there is no “hue”; choose from: relays, serial, artnet, sacn, wled or program
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: Address of the WLED controller [192.168.1.50]: What takes the pictures: found or program [found]: Path of the program, and its arguments after “;” [/usr/share/mesorig/programs/rpicam.py]:  (no-eol)
+  $ sed -n '/^\[axis/,/^rings/p; /^\[camera/,/^#/p' ways.conf
+  [axis turntable]
+  driver = gcode-axis
+  # CHECK: language of the board: grbl, marlin or klipper
+  dialect = grbl
+  port = /tmp/printer
+  letter = X
+  # CHECK: units of the board in a degree; 1 if it counts degrees
+  units_per_deg = 1
+  # CHECK: here: no switch, where the axis stands is home_deg. With a switch: axis, or all for GRBL
+  homing = here
+  # CHECK: top speed and acceleration of the axis
+  speed_deg_s = 20
+  accel_deg_s2 = 40
+  wraps = yes
+  
+  [lamps ring]
+  driver = wled-lamps
+  address = 10.0.0.7
+  http_port = 8080
+  # CHECK: first LED of the first lamp, and number of LEDs of each lamp
+  first_led = 0
+  leds = 1
+  n = 4
+  # Rings of lamps, as polar angle:number. A ring begins at azimuth 0.
+  rings = 30:2; 60:2
+  [camera cam]
+  driver = program-camera
+  program = /opt/camera.py
+  arguments = left
+  # CHECK: size of its pictures, in pixels
+  $ mesorig new-rig --offline --kind dome --lamps 8 --radius 300 --bank sacn:multicast --cameras found sacn.conf < /dev/null
+  sacn.conf: a rig of the kind dome with 8 lamps at 300 mm
+  not found: a camera, for [camera cam]
+  Correct what stands below CHECK and NOT FOUND in the file. Then check it:
+    mesorig plan --offline sacn.conf SESSION.conf
+  $ sed -n '/^\[lamps/,/^n =/p' sacn.conf
+  [lamps dome]
+  driver = sacn-lamps
+  # CHECK: universe and first channel of the first lamp
+  universe = 1
+  start = 1
+  n = 8
+  $ mesorig new-rig --offline --bank dmx:10.0.0.7 x.conf
+  mesorig new-rig: --bank: there is no “dmx”; choose from: relays, serial, artnet, sacn, wled or program
+  Usage: mesorig new-rig FILE.conf
+  [2]
+  $ mesorig new-rig --offline --axes tic:1 x.conf
+  mesorig new-rig: --axes: “tic” has no port, address or path
+  Usage: mesorig new-rig FILE.conf
+  [2]
   $ mesorig new-rig --offline --kind cube x.conf
   mesorig new-rig: --kind: there is no kind of rig “cube”; choose from: dome, turntable, arc
   Usage: mesorig new-rig FILE.conf
@@ -110,4 +174,6 @@ A first rig file, from options or from answers.
   $ ls
   arc.conf
   dome.conf
+  sacn.conf
   turn.conf
+  ways.conf

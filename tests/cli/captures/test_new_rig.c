@@ -79,6 +79,50 @@ TEST(every_kind) {
             }
 }
 
+/* Every way to operate axes, lamps and cameras, with the place that a question has suggested. A
+ * program must be there. */
+static const char *place_of(const struct new_rig_way *way, const char *program) {
+    return g_str_equal(way->name, "program") ? program : way->usual;
+}
+
+TEST(every_way) {
+    static const char *const dialects[] = {NULL, "", "grbl", "marlin", "klipper"};
+    g_autoptr(GPtrArray) nothing = found_list_new();
+
+    for (int kind = 0; kind < NEW_RIG_KINDS; kind++)
+        for (int axes = 0; new_rig_axes[axes].name; axes++)
+            for (int bank = 0; new_rig_banks[bank].name; bank++)
+                for (int camera = 0; new_rig_cameras[camera].name; camera++)
+                    for (gsize d = 0; d < G_N_ELEMENTS(dialects); d++) {
+                        const struct new_rig wish = {
+                            .id = "r",
+                            .kind = (enum new_rig_kind)kind,
+                            .n_lamps = 5,
+                            .radius_mm = 400,
+                            .axes = (enum new_rig_axes)axes,
+                            .bank = (enum new_rig_bank)bank,
+                            .camera = (enum new_rig_camera)camera,
+                            .axes_at = place_of(&new_rig_axes[axes], "/bin/true;one; two"),
+                            .bank_at = bank == NEW_RIG_SACN
+                                           ? ""
+                                           : place_of(&new_rig_banks[bank], "/bin/true;lamps"),
+                            .camera_at = place_of(&new_rig_cameras[camera], "/bin/true"),
+                            .dialect = dialects[d],
+                            .firmware = d > 1 ? "Board 1.0" : NULL,
+                            .baud = 250000};
+                        g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+                        g_autofree char *text = new_rig_text(&wish, nothing, missing);
+                        g_autofree struct rig *rig = read_rig(text);
+                        g_assert_cmpint(rig->n_lamps, ==, 5);
+                        g_assert_cmpint(rig->n_cameras, ==, 1);
+                        const guint board = axes == NEW_RIG_GCODE && d == 1 ? 1 : 0;
+                        const guint n_axes = (guint)kind; /* dome, turntable, arc */
+                        g_assert_cmpuint(missing->len, ==,
+                                         (axes == NEW_RIG_TIC ? n_axes : board * n_axes) +
+                                             (bank == NEW_RIG_RELAYS) + (camera == NEW_RIG_FOUND));
+                    }
+}
+
 TEST(devices) {
     g_autoptr(GPtrArray) found = plugged(), missing = g_ptr_array_new_with_free_func(g_free);
     const struct new_rig wish = {"r", NEW_RIG_ARC, 5, 400};
