@@ -77,12 +77,17 @@ typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
  * called from the thread that called cameras_calibrate() or cameras_calibrate_lens(). */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
 
+/* Returns a first guess of the focal length in pixels of photographs of this size, or 0 if nothing
+ * is known. It is called from the thread that called cameras_calibrate_lens(). */
+typedef double (*CamerasGuess)(int width, int height, gpointer data);
+
 struct cameras_task {
     struct board board;
     const struct cameras_picture *pictures;
     int n_pictures;
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
+    CamerasGuess guess;       /* only for photographs; may be NULL */
     gpointer data;
     gboolean no_turntable; /* the rig has no turntable: every lay is one position of the board */
     /* TRUE: the model is lens. FALSE: it is chosen by cross-validation for photographs, and is that

@@ -186,8 +186,8 @@ static void take_common_size(struct cameras_work *work) {
     }
 }
 
-/* Computes the initial focal length from the homographies of at least three pictures. The principal
- * point is at the centre. */
+/* Computes the initial focal length from the homographies of at least three pictures, and from the
+ * guess of the task. The principal point is at the centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures;
     take_common_size(work);
@@ -217,7 +217,10 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
                               n > 0 && work->seen[0].why ? "; for example, not in " : "",
                               n > 0 && work->seen[0].why ? work->seen[0].why : "");
     }
-    if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
+    const struct cameras_task *task = work->task;
+    const double guess_px =
+        task->guess ? task->guess(camera->width, camera->height, task->data) : 0;
+    if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len, guess_px,
                              camera->width, camera->height, focal, error))
         return FALSE;
     camera->fx_px = focal[0];

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <stdexcept>
 
 namespace {
@@ -308,8 +309,32 @@ gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, in
            });
 }
 
-gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
-                             int height, double ret_focal_px[2], GError **error) {
+/* Fits the focal length, from the homographies of the views or from a guess above 0. Returns the
+ * RMS error in px, or infinity if the result is no number above 0. */
+static double fit_focal(const std::vector<std::vector<cv::Point3f>> &target,
+                        const std::vector<std::vector<cv::Point2f>> &seen, cv::Size size,
+                        double guess_px, double ret_focal_px[2]) {
+    cv::Mat camera, distortion;
+    std::vector<cv::Mat> turns, shifts;
+    int flags = cv::CALIB_FIX_ASPECT_RATIO | cv::CALIB_ZERO_TANGENT_DIST | cv::CALIB_FIX_K1 |
+                cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3;
+    if (guess_px > 0) {
+        camera = (cv::Mat_<double>(3, 3) << guess_px, 0, (size.width - 1) / 2.0, 0, guess_px,
+                  (size.height - 1) / 2.0, 0, 0, 1);
+        flags |= cv::CALIB_USE_INTRINSIC_GUESS;
+    }
+    const double rms =
+        cv::calibrateCamera(target, seen, size, camera, distortion, turns, shifts, flags);
+    ret_focal_px[0] = camera.at<double>(0, 0);
+    ret_focal_px[1] = camera.at<double>(1, 1);
+    return std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0 && std::isfinite(rms)
+               ? rms
+               : std::numeric_limits<double>::infinity();
+}
+
+gboolean vision_start_camera(const double *const *points, const int *n, int n_views,
+                             double guess_px, int width, int height, double ret_focal_px[2],
+                             GError **error) {
     return guarded(error, "initial focal length from the photographs", [&] {
         std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
         std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
@@ -319,14 +344,21 @@ gboolean vision_start_camera(const double *const *points, const int *n, int n_vi
                 target[(gsize)v].emplace_back((float)p[0], (float)p[1], 0.0f);
                 seen[(gsize)v].emplace_back((float)p[2], (float)p[3]);
             }
-        cv::Mat camera, distortion;
-        std::vector<cv::Mat> turns, shifts;
-        cv::calibrateCamera(target, seen, {width, height}, camera, distortion, turns, shifts,
-                            cv::CALIB_FIX_ASPECT_RATIO | cv::CALIB_ZERO_TANGENT_DIST |
-                                cv::CALIB_FIX_K1 | cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3);
-        ret_focal_px[0] = camera.at<double>(0, 0);
-        ret_focal_px[1] = camera.at<double>(1, 1);
-        if (std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0)
+        double guessed_px[2], rms = std::numeric_limits<double>::infinity();
+        try {
+            rms = fit_focal(target, seen, {width, height}, 0, ret_focal_px);
+        } catch (const cv::Exception &) {
+            if (!(guess_px > 0))
+                throw;
+        }
+        if (guess_px > 0) {
+            const double other = fit_focal(target, seen, {width, height}, guess_px, guessed_px);
+            if (other < rms) {
+                rms = other;
+                std::memcpy(ret_focal_px, guessed_px, sizeof guessed_px);
+            }
+        }
+        if (std::isfinite(rms))
             return true;
         throw std::runtime_error("the focal length is not a number above 0; "
                                  "photograph the board at other tilts");

@@ -64,9 +64,13 @@ gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, in
                                guint8 *ret_good);
 
 /* Computes an initial focal length without distortion (Zhang 2000) from n_views views of a flat
- * target (x, y in mm, z = 0). points[v] has n[v] × 4 numbers: x_mm, y_mm, x_px, y_px. */
-gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
-                             int height, double ret_focal_px[2], GError **error);
+ * target (x, y in mm, z = 0). points[v] has n[v] × 4 numbers: x_mm, y_mm, x_px, y_px. If guess_px
+ * is above 0, the computation also starts from this focal length, and the result that fits the
+ * points better is returned. Views that are tilted by less than about 2° hardly determine the focal
+ * length without a guess. */
+gboolean vision_start_camera(const double *const *points, const int *n, int n_views,
+                             double guess_px, int width, int height, double ret_focal_px[2],
+                             GError **error);
 
 /* Computes the pose of a flat target: camera = rotation · target + shift. A plane has two
  * solutions; the one with the smaller reprojection error is returned. points has n × 4 numbers:

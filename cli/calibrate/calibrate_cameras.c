@@ -4,10 +4,15 @@
 #include "calibrate.h"
 #include "calibrate_video.h"
 #include "cameras/cameras.h"
+#include "pictures/picture_says.h"
+
+#include <math.h>
 
 #define MAX_PICTURES   20000
 #define KEPT_VECTORS   400 /* maximum number of residuals per camera in the report */
 #define SHORT_PICTURES 5
+#define EXIF_OFF       0.1  /* a larger difference from the EXIF data is a likely mistake */
+#define ZOOMED         0.01 /* photographs whose focal lengths differ by more have different zooms */
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;
@@ -44,6 +49,10 @@ struct job {
     GArray *pictures;              /* of struct cameras_picture, one per frame */
     struct calibrate_video *video; /* NULL unless --images names a video */
     gboolean turns; /* a session's rig file has a turntable, or the turntable has turned */
+    /* Focal lengths in pixels by the EXIF data of the photographs: median, smallest and largest. 0
+     * if no photograph has one. exif_said is where the first one is from. */
+    double exif_px, exif_least_px, exif_most_px;
+    char *exif_said;
     /* With --board-azimuth: azimuth of the board's x axis before the rig was turned. */
     double board_deg;
 };
@@ -120,6 +129,37 @@ static struct picture *read_picture(int i, gpointer data, GError **error) {
         return calibrate_video_picture(job->video, (guint)i);
     return frame->sha256 ? calibrate_read(frame, error)
                          : calibrate_read_photograph(frame->path, error);
+}
+
+static int by_size(gconstpointer a, gconstpointer b) {
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+/* Returns the median of the focal lengths that the EXIF data of the photographs give. */
+static double guess_focal(int width, int height, gpointer data) {
+    struct job *job = data;
+    g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(double));
+    for (guint i = 0; !job->video && i < job->base.frames->len; i++) {
+        const struct calibrate_frame *frame = job->base.frames->pdata[i];
+        struct picture_says says;
+        g_autofree char *said = NULL;
+        picture_says_read_file(frame->path, &says);
+        const double px = picture_says_focal_px(&says, width, height, &said);
+        picture_says_clear(&says);
+        if (!(px > 0))
+            continue;
+        g_array_append_val(all, px);
+        if (!job->exif_said)
+            job->exif_said = g_steal_pointer(&said);
+    }
+    if (all->len == 0)
+        return 0;
+    g_array_sort(all, by_size);
+    job->exif_least_px = g_array_index(all, double, 0);
+    job->exif_most_px = g_array_index(all, double, all->len - 1);
+    job->exif_px = g_array_index(all, double, all->len / 2);
+    return job->exif_px;
 }
 
 static gboolean on_step(int step, int n, gpointer data) {
@@ -214,6 +254,7 @@ static gboolean find(struct calibrate_job *base, GError **error) {
         .n_pictures = (int)job->pictures->len,
         .read = read_picture,
         .progress = on_step,
+        .guess = guess_focal,
         .data = job,
         .no_turntable = !job->turns && !images_option,
         .lens_given = lens_option != NULL,
@@ -259,6 +300,36 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
         record_say(to, " %.3f px (%s)", result->held_out_px[i], rig_lens_name((enum rig_lens)i));
     }
     record_end(to);
+}
+
+/* Compares the focal length with the EXIF data of the photographs. A lens that is focused on a near
+ * board may differ by several per cent. */
+static void tell_exif(Record *to, const struct job *job) {
+    const double found_px = job->base.calibration->rig.cameras[0].fx_px;
+    const double off = found_px / job->exif_px - 1;
+    if (!(job->exif_px > 0))
+        return;
+    record_begin(to, "exif");
+    record_say(to,
+               "\n  focal length %.1f{found_px} px; the photographs say %.1f{focal_px} px "
+               "(%s{from})",
+               found_px, job->exif_px, job->exif_said);
+    record_end(to);
+    if (job->exif_most_px > job->exif_least_px * (1 + ZOOMED))
+        g_ptr_array_add(job->base.warnings,
+                        g_strdup_printf("the EXIF data of the photographs give focal lengths from "
+                                        "%.0f to %.0f px, so the zoom was changed between them; "
+                                        "take all photographs with the zoom of the capture",
+                                        job->exif_least_px, job->exif_most_px));
+    if (fabs(off) > EXIF_OFF)
+        g_ptr_array_add(
+            job->base.warnings,
+            g_strdup_printf("the focal length, %.0f px, is %.0f %% %s than the EXIF data of the "
+                            "photographs say, %.0f px; causes: photographs that were cropped or "
+                            "scaled, a lens that is focused on a very near board, boards that are "
+                            "tilted too little",
+                            found_px, 100 * fabs(off), off > 0 ? "larger" : "smaller",
+                            job->exif_px));
 }
 
 /* Reports the axis of the camera arm, and the RMS deviation of the arm's stops from it. */
@@ -331,6 +402,8 @@ static void tell(Record *to, const struct calibrate_job *base) {
     }
     tell_lenses(to, base->calibration, result);
     if (images_option)
+        tell_exif(to, job);
+    if (images_option)
         record_doubles(to, "bend_mm", result->bend_mm, 2);
     if (result->bend_mm[1] > result->bend_mm[0])
         record_say(to, "\n  the board is bent: its corners are from %+.2f to %+.2f mm off a plane",
@@ -397,6 +470,7 @@ static int run(const struct call *call, GError **error) {
     output_file_free(job.base.corners);
     cameras_result_free(job.result);
     calibrate_video_free(job.video);
+    g_free(job.exif_said);
     g_array_unref(job.pictures);
     return code;
 }

@@ -9,6 +9,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/told_pictures.h"
 #include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
@@ -199,6 +200,105 @@ TEST(understated) {
     g_assert_cmpfloat(rms_px, <, 1.2 * RIPPLE_PX);
     g_assert_cmpfloat(fabs(fx - FOCAL_PX), <, 3 * sigma);
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
+}
+
+/* Writes drawn photographs with EXIF data, and calibrates them. mm are their focal lengths, in
+ * turn, at 10 pixels per mm. */
+static char *calibrate_exif(const guint32 mm[2]) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
+    g_autofree guint16 *values = g_new(guint16, WIDTH * HEIGHT);
+    char *out = NULL;
+    struct board board;
+    g_assert_true(board_parse(&board, BOARD, NULL));
+    for (int i = 0; i < N_DRAWN; i++) {
+        g_autoptr(Picture) picture = draw(i, &board, NULL);
+        g_autofree char *path = g_strdup_printf("%s/%d.png", folder, i);
+        const struct told told = {.focal = {mm[i % 2], 1}, .plane = {100, 1}, .plane_unit = 3};
+        for (int k = 0; k < WIDTH * HEIGHT; k++)
+            values[k] = (guint16)lrintf(255 * picture->values[k]);
+        told_png(path, WIDTH, HEIGHT, 1, 8, values, &told);
+    }
+    const char *const arguments[] = {MESORIG,   "calibrate", "cameras", "--images", folder,
+                                     "--board", BOARD,       "-o",      output,     NULL};
+    g_assert_cmpint(process_run(arguments, &out, NULL), ==, 0);
+    return out;
+}
+
+/* The focal length is 330 px. */
+TEST(exif) {
+    g_autofree char *near = calibrate_exif((const guint32[]){31, 31});
+    assert_has(near, "px; the photographs say 310.0 px (EXIF: 31 mm, 10 pixels per mm)");
+    g_assert_null(strstr(near, "warning"));
+    g_autofree char *cropped = calibrate_exif((const guint32[]){50, 50});
+    assert_has(cropped, "% smaller than the EXIF data of the photographs say, 500 px; causes: "
+                        "photographs that were cropped");
+    g_autofree char *zoomed = calibrate_exif((const guint32[]){33, 35});
+    assert_has(zoomed, "the EXIF data of the photographs give focal lengths from 330 to 350 px, so "
+                       "the zoom was changed between them");
+}
+
+static int by_size(gconstpointer a, gconstpointer b) {
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+/* Returns the median of the relative errors of the initial focal length in 20 trials: three views
+ * of a board, tilted by about tilt_deg, with errors of 0.3 px of 6000. */
+static double start_error(double tilt_deg, double guess) {
+    enum { VIEWS = 3, POINTS = 63, TRIALS = 20 };
+    const double focal_px = 6000;
+    g_autoptr(GRand) random = g_rand_new_with_seed(1);
+    g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
+    for (int trial = 0; trial < TRIALS; trial++) {
+        double points[VIEWS][4 * POINTS], focal[2];
+        const double *views[VIEWS];
+        int n[VIEWS];
+        for (int v = 0; v < VIEWS; v++) {
+            struct rig_camera camera = {.fx_px = focal_px,
+                                        .fy_px = focal_px,
+                                        .cx_px = 2999.5,
+                                        .cy_px = 1999.5,
+                                        .width = 6000,
+                                        .height = 4000};
+            const double tilt = g_rand_double_range(random, 0, 1.5) * tilt_deg * G_PI / 180;
+            const double roll = g_rand_double_range(random, -1, 1);
+            rig_camera_look_at(&camera, vec3_scale(rig_direction(tilt, roll), 1), vec3(0, 0, 0));
+            camera.translation_mm =
+                vec3(g_rand_double_range(random, -100, -40), g_rand_double_range(random, -90, -30),
+                     g_rand_double_range(random, 500, 700));
+            views[v] = points[v];
+            n[v] = POINTS;
+            for (int i = 0; i < POINTS; i++) {
+                double *p = points[v] + 4 * i;
+                p[0] = 20 * (i % 9);
+                p[1] = 20 * (int)(i / 9);
+                g_assert_true(rig_project(&camera, vec3(p[0], p[1], 0), &p[2], &p[3]));
+                for (int k = 2; k < 4; k++)
+                    p[k] += 0.52 * (g_rand_double_range(random, -1, 1));
+            }
+        }
+        g_assert_true(
+            vision_start_camera(views, n, VIEWS, guess * focal_px, 6000, 4000, focal, NULL));
+        const double off = fabs(focal[0] / focal_px - 1);
+        g_array_append_val(errors, off);
+    }
+    g_array_sort(errors, by_size);
+    return g_array_index(errors, double, errors->len / 2);
+}
+
+/* A guess helps where the views hardly determine the focal length, and does no harm elsewhere, even
+ * if it is wrong. */
+TEST(guess) {
+    const double none = start_error(1, 0), near = start_error(1, 0.95);
+    g_test_message("tilts of 1°: median error %.3f without a guess, %.3f with one that is 5 %% off",
+                   none, near);
+    g_assert_cmpfloat(near, <, 0.3 * none);
+    const double tilted = start_error(15, 0), wrong = start_error(15, 1.5);
+    g_test_message(
+        "tilts of 15°: median error %.5f without a guess, %.5f with one that is 50 %% off", tilted,
+        wrong);
+    g_assert_cmpfloat(fabs(wrong - tilted), <, 1e-4);
 }
 
 /* Chessboards that look the same upside down, with a black and with a white first square, seen by
