@@ -125,6 +125,32 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
     return TRUE;
 }
 
+gboolean ball_light_plate(const struct ball_camera *camera, const struct ball_outline *ball,
+                          double x_px, double y_px, struct vec3 *ret) {
+    struct vec3 centre;
+    if (camera->focal_px == 0) {
+        *ret =
+            vec3((x_px - ball->x_px) / ball->radius_px, (ball->y_px - y_px) / ball->radius_px, -1);
+        return TRUE;
+    }
+    if (!ball_centre(camera, ball, &centre))
+        return FALSE;
+    const struct vec3 ray = ray_through(camera, x_px, y_px);
+    *ret = vec3_scale(ray, (centre.z - 1) / ray.z);
+    return TRUE;
+}
+
+/* With p = from − middle, |p + t d| = radius at t = −p · d + √((p · d)² − |p|² + radius²). */
+gboolean ball_light_on_sphere(struct vec3 from, struct vec3 direction, struct vec3 middle,
+                              double radius, struct vec3 *ret) {
+    const struct vec3 p = vec3_sub(from, middle);
+    const double along = vec3_dot(p, direction), rest = radius * radius - vec3_dot(p, p);
+    if (!(rest > 0))
+        return FALSE;
+    *ret = vec3_add(from, vec3_scale(direction, sqrt(along * along + rest) - along));
+    return TRUE;
+}
+
 /* The direction of the light turns by twice the angle of the normal. The sine of this angle is the
  * distance of the highlight from the middle of the ball, in radii. An error of the highlight's
  * position is therefore divided by the cosine in the radial direction, and multiplied by the cosine

@@ -33,6 +33,18 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    double xx_px2, double xy_px2, double yy_px2,
                                    struct vec3 *ret_from, struct vec3 *ret, double *ret_shift_rad);
 
+/* Computes the point of the plate below a ball that the picture shows at x_px, y_px, in radii of
+ * the ball. The ball lies on the plate, and the camera looks at right angles on the plate. With a
+ * focal length, the point is relative to the camera, otherwise to the middle of the ball. Returns
+ * FALSE if the ball's outline is too large for the focal length. */
+gboolean ball_light_plate(const struct ball_camera *camera, const struct ball_outline *ball,
+                          double x_px, double y_px, struct vec3 *ret);
+
+/* Computes where a ray of light comes from a sphere of a radius around a point, on which the lamp
+ * is. Returns FALSE if the ray begins outside of the sphere. */
+gboolean ball_light_on_sphere(struct vec3 from, struct vec3 direction, struct vec3 middle,
+                              double radius, struct vec3 *ret);
+
 /* Returns the RMS error of the direction in radians. highlight_px is the standard deviation of the
  * highlight's position. circle_px is the standard deviation of the outline's centre, per axis, and
  * of its radius. */

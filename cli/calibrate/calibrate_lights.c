@@ -40,6 +40,14 @@ static const GOptionEntry entries[] = {
      "X,Y,R"},
     {"radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
+    {"dome-radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_dome_mm,
+     "With --images and --radius: distance of all lamps from the middle of their dome; the result "
+     "is the lamps' positions in mm instead of directions",
+     "MM"},
+    {"dome-middle", 0, 0, G_OPTION_ARG_STRING, &photos_middle,
+     "With --dome-radius: where the middle of the dome is on the plate on which the balls lie, in "
+     "pixels; default: the picture's middle",
+     "X,Y"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
      "With --images: the camera's focal length in pixels; default: that of the first photograph's "
      "EXIF; without either, the camera is assumed to be far away",

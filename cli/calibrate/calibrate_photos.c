@@ -27,12 +27,15 @@
 #define LOST 0.25
 #define DEG  (180 / G_PI)
 
-char *photos_folder, **photos_balls;
-double photos_radius_mm, photos_focal_px, photos_within_deg = 0.5;
+char *photos_folder, **photos_balls, *photos_middle;
+double photos_dome_mm, photos_radius_mm, photos_focal_px, photos_within_deg = 0.5;
 
 struct light {
     char *name; /* name of the file */
     struct ball_light found;
+    /* with --dome-radius: relative to the middle of the dome */
+    struct vec3 dome_mm;
+    double dome_error_mm; /* RMS distance from the true position, along the dome */
 };
 
 struct job {
@@ -41,9 +44,10 @@ struct job {
     gboolean outlined[BALL_LIGHT_MAX]; /* whether the circle in balls was found in the pictures */
     BallEdges *edges[BALL_LIGHT_MAX];  /* NULL if the ball is too small */
     int n_balls;
-    double focal_px;  /* 0 if not known */
-    char *focal_said; /* where a focal length of a photograph is from; NULL if it was given */
-    GPtrArray *names; /* paths */
+    double focal_px;    /* 0 if not known */
+    struct vec3 middle; /* of the dome, in radii, as the places of highlights */
+    char *focal_said;   /* where a focal length of a photograph is from; NULL if it was given */
+    GPtrArray *names;   /* paths */
     /* Mean of the square roots of light, over the pictures that are not overexposed. */
     Picture *mean;
     int n_mean;
@@ -284,11 +288,33 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
                         ceil(10 * sigma_rad * DEG) / 10));
 }
 
+/* Places the lamp on the dome: where the rays of the balls that agree meet the dome, on average. */
+static gboolean place_on_dome(const struct job *job, const struct ball_ray *rays, int n,
+                              struct light *light) {
+    const double radius = photos_dome_mm / photos_radius_mm;
+    struct vec3 sum = vec3(0, 0, 0);
+    double weights = 0;
+    for (int i = 0; i < n; i++) {
+        struct vec3 at;
+        if (light->found.left_out[i])
+            continue;
+        if (!ball_light_on_sphere(rays[i].from, rays[i].direction, job->middle, radius, &at))
+            return FALSE;
+        const double error = rays[i].sigma_rad * vec3_length(vec3_sub(at, rays[i].from));
+        const double weight = 1 / (error * error);
+        sum = vec3_add(sum, vec3_scale(vec3_sub(at, job->middle), weight));
+        weights += weight;
+    }
+    light->dome_mm = vec3_scale(sum, photos_radius_mm / weights);
+    light->dome_error_mm = photos_radius_mm / sqrt(weights);
+    return TRUE;
+}
+
 /* Measures the direction to the lamp from the highlights on all balls in which it is seen. Returns
  * FALSE with an error if the balls contradict each other. If no ball shows the lamp, or if the
  * direction is too uncertain, the picture is only rejected. */
 static gboolean measure(struct job *job, const struct picture *picture, GError **error) {
-    struct ball_ray rays[BALL_LIGHT_MAX];
+    struct ball_ray rays[BALL_LIGHT_MAX] = {0};
     int balls[BALL_LIGHT_MAX], n = 0;
     struct light light;
     for (int i = 0; i < job->n_balls; i++) {
@@ -312,6 +338,14 @@ static gboolean measure(struct job *job, const struct picture *picture, GError *
         reject_unsure(job, picture->name, light.found.sigma_rad);
         return TRUE;
     }
+    if (photos_dome_mm > 0 && !place_on_dome(job, rays, n, &light)) {
+        g_set_error(
+            error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+            "%s: a ball is outside of the dome, whose radius is %g mm; check --dome-radius, "
+            "--dome-middle and --radius",
+            picture->name, photos_dome_mm);
+        return FALSE;
+    }
     light.name = g_path_get_basename(picture->name);
     g_array_append_val(job->lights, light);
     return TRUE;
@@ -322,13 +356,29 @@ static gboolean write_lights(const struct job *job, GError **error) {
     g_string_append_printf(text, "%u\n", job->lights->len);
     for (guint i = 0; i < job->lights->len; i++) {
         const struct light *light = &g_array_index(job->lights, struct light, i);
-        const struct vec3 d = light->found.direction;
+        const struct vec3 d = photos_dome_mm > 0 ? light->dome_mm : light->found.direction;
         char x[G_ASCII_DTOSTR_BUF_SIZE], y[G_ASCII_DTOSTR_BUF_SIZE], z[G_ASCII_DTOSTR_BUF_SIZE];
         g_string_append_printf(
             text, "%s %s %s %s\n", light->name, g_ascii_formatd(x, sizeof x, "%.6f", d.x),
             g_ascii_formatd(y, sizeof y, "%.6f", d.y), g_ascii_formatd(z, sizeof z, "%.6f", d.z));
     }
     return output_file_put(job->to, text->str, text->len, error);
+}
+
+/* Finds the middle of the dome in the frame of the highlights. */
+static gboolean find_middle(struct job *job, GError **error) {
+    const double x = 0.5 * (job->mean->width - 1), y = 0.5 * (job->mean->height - 1);
+    const struct ball_camera camera = {job->focal_px, x, y};
+    double at[2] = {x, y};
+    if (photos_middle)
+        calibrate_parse(photos_middle, ",", 2, at);
+    if (photos_dome_mm == 0 ||
+        ball_light_plate(&camera, &job->balls[0], at[0], at[1], &job->middle))
+        return TRUE;
+    g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                "ball 1 is too large for a focal length of %.0f px; check --ball and --focal",
+                job->focal_px);
+    return FALSE;
 }
 
 /* Takes the focal length that was given, or that of the first photograph. */
@@ -351,6 +401,8 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
     find_focal(job);
+    if (!find_middle(job, error))
+        return FALSE;
     for (guint i = 0; i < job->names->len; i++) {
         g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
         if (!picture || !measure(job, picture, error) ||
@@ -387,6 +439,11 @@ static void tell_light(Record *to, const struct light *light) {
         say_vec3(to, mm ? "error_mm" : "error_radii", "%.1f", vec3_scale(found->place_error, unit));
         record_double(to, "miss", unit * found->miss);
     }
+    if (photos_dome_mm > 0) {
+        record_say(to, "   on the dome at ");
+        say_vec3(to, "dome_mm", "%.1f", light->dome_mm);
+        record_say(to, " mm, ± %.1f{dome_error_mm}", light->dome_error_mm);
+    }
     record_end(to);
     record_say(to, "\n");
 }
@@ -397,6 +454,10 @@ static void tell(Record *to, const struct job *job) {
     if (job->focal_said)
         record_say(to, "  focal length %.0f{focal_px} px (%s{focal_from}); --focal sets another\n",
                    job->focal_px, job->focal_said);
+    record_say_if(
+        to, photos_dome_mm > 0 && job->focal_px == 0,
+        "  no focal length is known, so the camera is taken to be far away; positions are "
+        "more accurate with --focal\n");
     record_begin_list(to, "balls");
     for (int i = 0; i < job->n_balls; i++) {
         const struct ball_outline *ball = &job->balls[i];
@@ -423,6 +484,15 @@ int photos_calibrate(const struct call *call, GError **error) {
         return cli_usage(call->command, "no file to write is given: give -o FILE");
     if (call->n_arguments > 0)
         return cli_usage(call->command, "give a session, or --images DIR, not both");
+    double middle[2];
+    if (photos_dome_mm != 0 && !(photos_dome_mm > photos_radius_mm && photos_radius_mm > 0))
+        return cli_usage(call->command,
+                         "--dome-radius=%g: also give the radius of the balls with "
+                         "--radius, in mm; the dome must be larger",
+                         photos_dome_mm);
+    if (photos_middle && !(photos_dome_mm > 0 && calibrate_parse(photos_middle, ",", 2, middle)))
+        return cli_usage(call->command, "--dome-middle=%s: give X,Y in pixels, and --dome-radius",
+                         photos_middle);
     if (!photos_balls)
         return cli_usage(call->command,
                          "no ball in the photographs is given: give --ball X,Y,R in pixels");

@@ -5,11 +5,16 @@
 
 extern char *photos_folder, **photos_balls;
 extern double photos_radius_mm, photos_focal_px; /* 0 if not given */
+/* Distance of the lamps from the middle of the dome, or 0. The middle is on the plate on which the
+ * balls lie, at these pixels; NULL means the middle of the picture. */
+extern double photos_dome_mm;
+extern char *photos_middle;
 /* A direction whose standard error is larger than this is refused. */
 extern double photos_within_deg;
 
 /* Writes an .lp file to -o, as RTI programs read it. Its first line is the number of photographs.
  * Each further line has the name of a photograph and the direction of its light: x to the right, y
- * up, z to the camera. With several balls, the record also contains the lamp's place. Returns an
- * exit code. */
+ * up, z to the camera. With several balls, the record also contains the lamp's place. With
+ * photos_dome_mm, the lines have the position of the lamp in mm, relative to the middle of the
+ * dome, instead of the direction. Returns an exit code. */
 int photos_calibrate(const struct call *call, GError **error);

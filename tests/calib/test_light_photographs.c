@@ -310,6 +310,47 @@ TEST(near_lamp) {
     assert_said(json, "\"place_mm\"");
 }
 
+/* The same lamp on a dome of known radius around a point of the plate below the balls. One ball is
+ * enough; one of three that contradicts the others is left out. */
+TEST(dome) {
+    const double mm = 30 / three[0].r;
+    const struct xyz place = {700, 500, 1850}, other = {-900, 500, 1500};
+    const struct xyz truth = {mm * (place.x - 200), mm * (place.y + 190), mm * place.z + 30};
+    const struct lamp lamp = {place, TRUE, 2, 10}, wrong = {other, TRUE, 2, 10};
+    g_autofree char *dome = g_strdup_printf("--dome-radius=%.3f", sqrt(dot(truth, truth)));
+    ball_scene_clear();
+    for (int n = 1; n <= 3; n += 2) {
+        const struct ball *b = three;
+        paint_three("near.png", &lamp, &wrong);
+        g_autofree char *first = g_strdup_printf("--ball=%g,%g,%g", b[0].x, b[0].y, b[0].r);
+        g_autofree char *second = g_strdup_printf("--ball=%g,%g,%g", b[1].x, b[1].y, b[1].r);
+        g_autofree char *third = g_strdup_printf("--ball=%g,%g,%g", b[2].x, b[2].y, b[2].r);
+        const char *const argv[] = {MESORIG,       "calibrate",
+                                    "lights",      "--images",
+                                    "photos",      "-o",
+                                    "dome.lp",     "--force",
+                                    "--radius=30", "--within=2",
+                                    dome,          "--dome-middle=200,190",
+                                    first,         n > 1 ? second : NULL,
+                                    third,         NULL};
+        g_autofree char *out = NULL, *errors = NULL;
+        struct xyz at;
+        double error;
+        const int code = process_run_in(world_fixture_folder(), argv, &out, &errors);
+        g_test_message("%s%s", out, errors);
+        g_assert_cmpint(code, ==, 0);
+        const char *said = strstr(out, "on the dome at ");
+        g_assert_nonnull(said);
+        g_assert_cmpint(
+            sscanf(said, "on the dome at %lf %lf %lf mm, ± %lf", &at.x, &at.y, &at.z, &error), ==,
+            4);
+        const struct xyz off = plus(at, truth, -1);
+        g_assert_cmpfloat(sqrt(dot(off, off)), <, 3 * error);
+        g_assert_cmpfloat(error, <, 25);
+        g_assert_cmpfloat(fabs(sqrt(dot(at, at) / dot(truth, truth)) - 1), <, 1e-3);
+    }
+}
+
 AFTER_TESTS {
     world_fixture_clean();
 }
