@@ -13,24 +13,35 @@
 struct found {
     enum gcode_dialect dialect;
     char *firmware;
+    gboolean is_other; /* firmware speaks a language that has no driver */
 };
+
+/* Takes the name of a firmware. grblHAL with a plug-in answers M115 like Marlin, as do firmwares of
+ * other languages. */
+static struct found named(const char *name) {
+    const gboolean grbl = g_ascii_strncasecmp(name, "grbl", 4) == 0;
+    const char *end = strstr(name, " FIRMWARE_");
+    return (struct found){grbl ? GCODE_GRBL : GCODE_MARLIN,
+                          g_strndup(name, end ? (gsize)(end - name) : strlen(name)),
+                          !grbl && g_ascii_strncasecmp(name, "marlin", 6) != 0};
+}
 
 /* Takes a line of the board. Returns whether it shows the language. */
 static gboolean take_line(const char *line, struct found *ret) {
     struct gcode_answer answer;
     gcode_klipper_read(line, &answer);
     if (answer.kind == GCODE_OK && *answer.text) {
-        *ret = (struct found){GCODE_KLIPPER, g_strdup(answer.text)};
+        *ret = (struct found){GCODE_KLIPPER, g_strdup(answer.text), FALSE};
         return TRUE;
     }
     gcode_marlin_read(line, &answer);
     if (answer.kind == GCODE_VERSION) {
-        *ret = (struct found){GCODE_MARLIN, g_strdup(answer.text)};
+        *ret = named(answer.text);
         return TRUE;
     }
     gcode_grbl_read(line, &answer);
     if (answer.kind == GCODE_ERROR || answer.kind == GCODE_BANNER) {
-        *ret = (struct found){GCODE_GRBL, g_strdup("GRBL")};
+        *ret = (struct found){GCODE_GRBL, g_strdup("GRBL"), FALSE};
         return TRUE;
     }
     return FALSE;
@@ -86,6 +97,14 @@ gboolean gcode_detect(const char *port, enum gcode_dialect *ret_dialect, int *re
         close(fd);
         if (!answered)
             continue;
+        if (found.is_other) {
+            device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                             "%s: the firmware of the board is %s" ERROR_ADVICE
+                             "use GRBL, FluidNC, grblHAL, Marlin or Klipper",
+                             port, found.firmware);
+            g_free(found.firmware);
+            return FALSE;
+        }
         *ret_dialect = found.dialect;
         *ret_baud = bauds[i];
         *ret_firmware = found.firmware;

@@ -8,7 +8,7 @@
  * The answer to M115 of a board with GRBL is an error, by which it is recognised. Opening the port
  * resets most boards; nothing moves. Takes at most 7 s for a silent port. Blocks. Any thread.
  * Returns FALSE with DEVICE_ERROR_BUSY if another program uses the port, with
- * DEVICE_ERROR_DISCONNECTED if it cannot be opened, or with DEVICE_ERROR_TIMEOUT if no known
- * language is spoken. */
+ * DEVICE_ERROR_DISCONNECTED if it cannot be opened, with DEVICE_ERROR_UNSUPPORTED if the board has
+ * another firmware, or with DEVICE_ERROR_TIMEOUT if nothing known is answered. */
 gboolean gcode_detect(const char *port, enum gcode_dialect *ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);

@@ -21,22 +21,26 @@ struct bench {
     GSubprocess *mover;
 };
 
-static void begin(struct bench *bench, const char *folder, gboolean resets_on_open) {
-    const struct virtual_gcode_options options = {.n_axes = 3,
+static void begin(struct bench *bench, const char *folder, enum virtual_gcode_language language,
+                  gboolean resets_on_open) {
+    const gboolean klipper = language == VIRTUAL_KLIPPER;
+    const char *keys = klipper ? "dialect = klipper\nhoming = axis\n" : "";
+    const struct virtual_gcode_options options = {.language = language,
+                                                  .n_axes = 3,
                                                   .units_s = 200,
                                                   .units_s2 = 2000,
                                                   .steps = 1000,
-                                                  .boot_ms = resets_on_open ? 200 : 0,
+                                                  .boot_ms = resets_on_open || klipper ? 200 : 0,
                                                   .resets_on_open = resets_on_open};
     *bench = (struct bench){.board = ok(virtual_gcode_new(&options, ERR))};
     const char *port = virtual_gcode_port(bench->board);
     g_autofree char *text = g_strdup_printf(
         "[rig]\nid = board\nclock = real\narc_radius_mm = 500\n"
         "[axis turntable]\ndriver = gcode-axis\nport = %s\nletter = X\nunits_per_deg = 1\n"
-        "wraps = yes\nspeed_deg_s = 20\naccel_deg_s2 = 200\n"
+        "wraps = yes\nspeed_deg_s = 20\naccel_deg_s2 = 200\n%s"
         "[axis arc]\ndriver = gcode-axis\nport = %s\nletter = Y\nunits_per_deg = 1\n"
-        "min_deg = -10\nmax_deg = 100\nspeed_deg_s = 20\naccel_deg_s2 = 200\n",
-        port, port);
+        "min_deg = -10\nmax_deg = 100\nspeed_deg_s = 20\naccel_deg_s2 = 200\n%s",
+        port, keys, port, keys);
     /* A rig needs a camera and a lamp as well. */
     g_autofree char *whole =
         g_strconcat(text,
@@ -62,7 +66,7 @@ static struct virtual_gcode_state state_of(const struct bench *bench) {
 TEST(operator) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
-    begin(&bench, folder, TRUE);
+    begin(&bench, folder, VIRTUAL_GRBL, TRUE);
     g_autofree char *tested = process_mesorig(0, "test --address %s", bench.run.address);
     assert_has(tested, "4 of 4 are as they should be");
     g_free(process_mesorig(0, "home --address %s turntable", bench.run.address));
@@ -77,10 +81,10 @@ TEST(operator) {
 }
 
 /* The daemon ends while the turntable is on a way of 9 s. */
-static void abandoned(int signal, gboolean resets_on_open) {
+static void abandoned(int signal, enum virtual_gcode_language language, gboolean resets_on_open) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
-    begin(&bench, folder, resets_on_open);
+    begin(&bench, folder, language, resets_on_open);
     g_free(process_mesorig(0, "home --address %s turntable", bench.run.address));
     bench.mover = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
                                 (const char *[]){BUILD_DIR "/bin/mesorig", "move", "--address",
@@ -109,17 +113,25 @@ static void abandoned(int signal, gboolean resets_on_open) {
 }
 
 TEST(killed) {
-    abandoned(SIGKILL, FALSE);
+    abandoned(SIGKILL, VIRTUAL_GRBL, FALSE);
 }
 
 TEST(killed_arduino) {
-    abandoned(SIGKILL, TRUE);
+    abandoned(SIGKILL, VIRTUAL_GRBL, TRUE);
 }
 
 TEST(hangs) {
-    abandoned(SIGSTOP, FALSE);
+    abandoned(SIGSTOP, VIRTUAL_GRBL, FALSE);
 }
 
 TEST(told_to_end) {
-    abandoned(SIGTERM, FALSE);
+    abandoned(SIGTERM, VIRTUAL_GRBL, FALSE);
+}
+
+TEST(killed_klipper) {
+    abandoned(SIGKILL, VIRTUAL_KLIPPER, FALSE);
+}
+
+TEST(hangs_klipper) {
+    abandoned(SIGSTOP, VIRTUAL_KLIPPER, FALSE);
 }

@@ -5,6 +5,7 @@
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "lib/wait.h"
+#include "serial/detect.h"
 #include "serial/devices.h"
 #include "virtual/gcode.h"
 
@@ -301,9 +302,10 @@ TEST(boots_klipper) {
 }
 
 /* The oks of lines before the stop come after it, and count for no later line. */
-TEST(stops_late_marlin) {
+static void stops_late(const struct virtual_gcode_options *with, const char *language) {
     struct bench bench;
-    begin(&bench, &marlin, MARLIN MOTION, NULL);
+    g_autofree char *keys = g_strconcat(language, MOTION, NULL);
+    begin(&bench, with, keys, NULL);
     home(&bench, &bench.a);
     virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.late_ms = 60});
     for (int i = 0; i < 5; i++) {
@@ -319,6 +321,14 @@ TEST(stops_late_marlin) {
     assert_at(&bench, 0, HOME_AT + 4);
     virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
     end(&bench);
+}
+
+TEST(stops_late_marlin) {
+    stops_late(&marlin, MARLIN);
+}
+
+TEST(stops_late_klipper) {
+    stops_late(&klipper, KLIPPER);
 }
 
 /* A board that does not brake is reset in its motion. Its position is lost, and that is said. */
@@ -684,6 +694,53 @@ TEST(refuses__other_settings) {
     conformance_expect_error(&error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
                              "port: [axis a], in line 1, opens");
     end(&bench);
+}
+
+/* The language of a board is found by its answer, also if the board is locked or boots. */
+TEST(detects) {
+    static const struct {
+        const struct virtual_gcode_options *options;
+        const char *says, *firmware; /* a line of the board, instead of its own answer, or NULL */
+        enum gcode_dialect dialect;
+    } cases[] = {
+        {&grbl, NULL, "GRBL", GCODE_GRBL},
+        {&marlin, NULL, "Marlin 2.1.2 (Jan 1 2023)", GCODE_MARLIN},
+        {&klipper, NULL, "Klipper v0.13.0-300-g1234567", GCODE_KLIPPER},
+        {&grbl, "FIRMWARE_NAME:grblHAL FIRMWARE_URL:x", "grblHAL", GCODE_GRBL},
+        {&grbl, "Grbl 3.7 [FluidNC v3.7.8 (wifi) '$' for help]", "GRBL", GCODE_GRBL},
+        {&marlin, "FIRMWARE_NAME:Smoothieware, X-GRBL_MODE:0", NULL, GCODE_MARLIN},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct bench bench;
+        struct virtual_gcode_options options = *cases[i].options;
+        enum gcode_dialect dialect = GCODE_GRBL;
+        g_autofree char *firmware = NULL;
+        int baud = 0;
+        GError *error = NULL;
+        options.resets_on_open = options.language == VIRTUAL_MARLIN && !cases[i].says;
+        options.boot_ms = 300;
+        begin_board(&bench, &options);
+        if (cases[i].says) {
+            /* The line comes when the port is open, before the answer of the board itself. */
+            virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.late_ms = 200});
+            virtual_gcode_send(bench.board, cases[i].says);
+            virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.late_ms = 400});
+        }
+        const gboolean found =
+            gcode_detect(virtual_gcode_port(bench.board), &dialect, &baud, &firmware, &error);
+        if (cases[i].firmware) {
+            g_assert_no_error(error);
+            g_assert_cmpint(dialect, ==, cases[i].dialect);
+            g_assert_cmpint(baud, ==, 115200);
+            g_assert_cmpstr(firmware, ==, cases[i].firmware);
+        } else {
+            g_assert_false(found);
+            conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                                     "the firmware of the board is Smoothieware");
+        }
+        virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+        end(&bench);
+    }
 }
 
 /* Presets are sections to copy: every key of theirs is one of the driver's. */
