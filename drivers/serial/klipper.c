@@ -30,6 +30,8 @@
 #define LEFT_MS  3000 /* silence after which a motion that somebody has left is stopped */
 #define PIECE_S  0.1  /* duration of a piece of a move at its top speed */
 
+#define UNKNOWN (-1) /* instead of an enum klipper_state */
+
 enum stage {
     SYNCING,    /* the echo is due */
     CHECKING,   /* STATUS was sent */
@@ -66,7 +68,8 @@ static void resync(GcodeBoard *board, double ms) {
 
 static void check(GcodeBoard *board) {
     board->stage = CHECKING; /* the deadline stays */
-    board->state = KLIPPER_STARTING;
+    board->state = UNKNOWN;
+    *board->reason = 0;
     board->asked_us = clock_now_us(board->clock);
     gcode_board_send(board, "STATUS", FALSE);
 }
@@ -188,9 +191,32 @@ static void shut_down(GcodeBoard *board) {
         resync(board, board->link.answer_ms);
 }
 
+/* Klipper restarts, or has restarted. It does so when all motions have ended. */
+static void restarted(GcodeBoard *board) {
+    board->synced = board->echoed = FALSE;
+    gcode_board_forget_lines(board);
+    lose(board, DEVICE_ERROR_DISCONNECTED,
+         "Klipper was restarted, so the position is lost" ERROR_ADVICE "home it");
+    if (board->phase == STOPPING)
+        gcode_board_ready(board);
+}
+
+/* Klipper has no connection to its controllers, so nothing moves. */
+static void not_ready(GcodeBoard *board, const char *advice) {
+    if (board->phase == GREETING)
+        gcode_board_fail(board, reported(board, DEVICE_ERROR_UNSUPPORTED, advice));
+    else if (board->phase == RUNNING)
+        gcode_board_end_request(board, reported(board, DEVICE_ERROR_UNSUPPORTED, advice));
+    else
+        restarted(board);
+}
+
 /* Takes the state that STATUS has answered. */
 static void take_status(GcodeBoard *board) {
     const gboolean greeting = board->phase == GREETING;
+    /* Klipper does not name its state if M112 came while it started. */
+    if (board->state == UNKNOWN)
+        board->state = *board->reason ? (int)KLIPPER_SHUTDOWN : (int)KLIPPER_STARTING;
     switch ((enum klipper_state)board->state) {
     case KLIPPER_READY:
         board->killed = FALSE;
@@ -213,13 +239,11 @@ static void take_status(GcodeBoard *board) {
         settle(board, SETTLING, board->link.answer_ms);
         break;
     case KLIPPER_HALTED:
-        if (greeting)
-            gcode_board_fail(board, reported(board, DEVICE_ERROR_UNSUPPORTED,
-                                             "correct its configuration, then restart it"));
-        else
-            gcode_board_ready(board);
+        not_ready(board, "correct its configuration, then restart it");
         break;
     default:
+        if (board->phase == STOPPING)
+            restarted(board);
         break; /* asked again until the deadline */
     }
 }
@@ -324,12 +348,7 @@ static void take_state(GcodeBoard *board, enum klipper_state state) {
     } else if (state == KLIPPER_SHUTDOWN && !board->killed) {
         shut_down(board);
     } else if (state == KLIPPER_LEAVES && !board->killed) {
-        board->synced = board->echoed = FALSE;
-        gcode_board_forget_lines(board);
-        lose(board, DEVICE_ERROR_DISCONNECTED,
-             "Klipper was restarted, so the position is lost" ERROR_ADVICE "home it");
-        if (board->phase == STOPPING)
-            gcode_board_ready(board); /* Klipper restarts when all motions have ended */
+        restarted(board);
     }
 }
 
@@ -400,7 +419,7 @@ static void tick_greeting(GcodeBoard *board, gboolean late) {
     if (!board->reset_once && (silent || (board->stage == SETTLING && late))) {
         board->reset_once = TRUE;
         gcode_board_write(board, "\nM112\n", 6);
-        resync(board, boot_ms / 2);
+        resync(board, boot_ms);
     } else if (late) {
         gcode_board_fail(board, *board->reason
                                     ? reported(board, DEVICE_ERROR_DISCONNECTED, "see its log")

@@ -41,8 +41,11 @@ struct virtual_gcode_options {
     gboolean homing_off;
     gboolean work_positions;   /* GRBL: reports WPos, and its offset in every tenth report */
     gboolean emergency_parser; /* Marlin: acts on M112 and M410 at once */
-    int boot_ms;               /* time from a reset until the board listens */
-    gboolean resets_on_open;   /* opening the port resets the board, as on an Arduino */
+    /* Klipper: does not name its state after M112, as if M112 came while it started */
+    gboolean terse;
+    gboolean halted;         /* Klipper: has a mistake in its configuration */
+    int boot_ms;             /* time from a reset until the board listens */
+    gboolean resets_on_open; /* opening the port resets the board, as on an Arduino */
 };
 
 VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GError **error);

@@ -23,22 +23,28 @@ static void become_ready(VirtualGcode *board) {
     board->alarm = 0;
     board->homed = 0;
     board->feed = 25;
-    gcode_say(board, "// Klipper state: Ready");
+    if (!board->options.halted)
+        gcode_say(board, "// Klipper state: Ready");
 }
 
-/* Answers a command with an error that consists of several lines. */
-static void refuse_all(VirtualGcode *board) {
-    const char *why = board->alarm ? "Shutdown due to M112 command" : "Printer is not ready";
+/* Refuses a command with an error that consists of several lines. */
+static void refuse(VirtualGcode *board, gboolean is_status) {
+    const char *why =
+        board->alarm ? "Shutdown due to M112 command" : "Option 'step_pin' is not specified";
     gcode_say(board, "// %s", why);
-    if (board->alarm) {
+    if (!board->alarm) {
+        gcode_say(board, "// Once the underlying issue is corrected, use the \"RESTART\"");
+        gcode_say(board, "// command to reload the config and restart the host software.");
+        gcode_say(board, "// Printer is halted");
+    } else if (!board->options.terse) {
         gcode_say(board, "// Once the underlying issue is corrected, use the");
         gcode_say(board, "// \"FIRMWARE_RESTART\" command to reset the firmware, reload the");
         gcode_say(board, "// config, and restart the host software.");
         gcode_say(board, "// Printer is shutdown");
-    } else {
-        gcode_say(board, "// The klippy host software is attempting to connect.  Please");
-        gcode_say(board, "// retry in a few moments.");
     }
+    if (is_status)
+        gcode_say(board, "// Klipper state: Not ready");
+    gcode_say(board, "!! %s", why);
 }
 
 static void shut_down(VirtualGcode *board) {
@@ -119,12 +125,10 @@ static gboolean execute_always(VirtualGcode *board, const char *line) {
         shut_down(board);
     } else if (strcmp(line, "M114") == 0) {
         report(board);
-    } else if (strcmp(line, "STATUS") == 0 && !board->alarm) {
+    } else if (strcmp(line, "STATUS") == 0 && !board->alarm && !board->options.halted) {
         gcode_say(board, "// Klipper state: Ready");
     } else if (strcmp(line, "STATUS") == 0) {
-        refuse_all(board);
-        gcode_say(board, "// Klipper state: Not ready");
-        gcode_say(board, "!! Shutdown due to M112 command");
+        refuse(board, TRUE);
     } else {
         return FALSE;
     }
@@ -175,9 +179,8 @@ static gboolean take(VirtualGcode *board, const char *line) {
         return TRUE;
     }
     if (!execute_always(board, line)) {
-        if (board->alarm) {
-            refuse_all(board);
-            gcode_say(board, "!! Shutdown due to M112 command");
+        if (board->alarm || board->options.halted) {
+            refuse(board, FALSE);
         } else if (!execute(board, line)) {
             return FALSE;
         }

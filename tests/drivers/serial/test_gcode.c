@@ -276,9 +276,9 @@ TEST(stops_homing_klipper) {
 }
 
 /* A Klipper that was shut down before the port was opened can be homed. */
-TEST(opens_shut_down_klipper) {
+static void opens_shut_down(const struct virtual_gcode_options *with) {
     struct bench bench;
-    begin_board(&bench, &klipper);
+    begin_board(&bench, with);
     virtual_gcode_receive(bench.board, "M112\n");
     ok(open_axis(&bench, &bench.a, KLIPPER FAST, ERR));
     ok(axis_halt(bench.a.axis, ERR));
@@ -287,6 +287,13 @@ TEST(opens_shut_down_klipper) {
     move(&bench, &bench.a, 20);
     assert_at(&bench, 0, HOME_AT + 40);
     end(&bench);
+}
+
+TEST(opens_shut_down_klipper) {
+    struct virtual_gcode_options terse = klipper;
+    opens_shut_down(&klipper);
+    terse.terse = TRUE;
+    opens_shut_down(&terse);
 }
 
 /* A Klipper that still starts is waited for. */
@@ -645,6 +652,13 @@ TEST(refuses__other_language) {
             "the board does not speak klipper");
     refuses(&klipper, MARLIN FAST, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
             "the board does not speak marlin");
+}
+
+TEST(refuses__halted_klipper) {
+    struct virtual_gcode_options halted = klipper;
+    halted.halted = TRUE;
+    refuses(&halted, KLIPPER FAST, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+            "Klipper reports: Option 'step_pin' is not specified; correct its configuration");
 }
 
 TEST(refuses__silence) {
