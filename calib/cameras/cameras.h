@@ -87,13 +87,13 @@ struct cameras_task {
     int n_pictures;
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
-    CamerasGuess guess;       /* only for photographs; may be NULL */
     gpointer data;
     gboolean no_turntable; /* the rig has no turntable: every lay is one position of the board */
     /* TRUE: the model is lens. FALSE: it is chosen by cross-validation for photographs, and is that
      * of the rig file for a rig. */
     gboolean lens_given;
     enum rig_lens lens;
+    CamerasGuess guess; /* only for photographs; may be NULL */
 };
 
 struct cameras_residual {
