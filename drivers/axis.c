@@ -1,5 +1,7 @@
 #include "axis.h"
 
+#include "recording.h"
+
 #include <math.h>
 
 /*
@@ -146,7 +148,7 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
     axis->park_deg = NAN;
     axis->state = g_new0(struct axis_state, 1);
     if (!device_init(&axis->device, &driver->info, section, also, clock, error) ||
-        !driver->open(axis, error)) {
+        !device_record_opened(&axis->device, driver->open(axis, error), error)) {
         axis_free(axis);
         return NULL;
     }
@@ -168,6 +170,7 @@ void axis_close(Axis *axis) {
     axis->state->func = NULL;
     axis->state->activity = IDLE;
     cancel_timers(axis);
+    recording_device(axis->device.who, "close");
     axis->driver->close(axis);
     axis_free(axis);
 }
@@ -198,6 +201,17 @@ static void stands(Axis *axis) {
     device_report_safety(&axis->device, NULL);
 }
 
+static void record(Axis *axis, enum axis_event event, const GError *error) {
+    static const char *const results[] = {
+        [AXIS_ARRIVED] = "arrived at", [AXIS_HOMED] = "homed at", [AXIS_STOPPED] = "stopped at"};
+    if (!recording_is_on())
+        return;
+    if (event == AXIS_FAULT)
+        recording_device(axis->device.who, "= fault: %s", error->message);
+    else if (results[event])
+        recording_device(axis->device.who, "= %s %.4f", results[event], axis_position_deg(axis));
+}
+
 /* Ends the activity and tells the listener so. Call it last, because the listener may close the
  * axis. */
 static void end(Axis *axis, enum axis_event event, const GError *error) {
@@ -214,6 +228,7 @@ static void end(Axis *axis, enum axis_event event, const GError *error) {
         state->doubt = TRUE;
         state->retry = clock_call_in(axis->device.clock, 0, on_retry, axis);
     }
+    record(axis, event, error);
     if (state->func)
         state->func(axis, event, error, state->data);
 }
@@ -290,6 +305,7 @@ gboolean axis_home(Axis *axis, GError **error) {
     const struct axis_motion *motion = &axis->motion;
     if (!check_idle(axis, error) || !device_ask_permit(&axis->device, error))
         return FALSE;
+    recording_device(axis->device.who, "home");
     state->homed = FALSE;
     state->activity = HOMING;
     state->driver_moves = TRUE;
@@ -350,6 +366,7 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
     const struct axis_motion *motion = &axis->motion;
     if (!check_move(axis, target_deg, error))
         return FALSE;
+    recording_device(axis->device.who, "move to %.4f", target_deg);
     double from = axis->driver->position(axis);
     double way = axis_way_deg(motion, from, target_deg);
     gboolean take_up = way < 0 || state->slack_unknown;
@@ -483,6 +500,7 @@ gboolean axis_stop(Axis *axis, GError **error) {
     struct axis_state *state = axis->state;
     if (state->activity == IDLE || state->stopping)
         return TRUE;
+    recording_device(axis->device.who, "stop");
     state->stopping = TRUE;
     if (!state->driver_moves) { /* settling: the drive already stands still */
         axis_settle(axis, 0);

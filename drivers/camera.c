@@ -1,5 +1,7 @@
 #include "camera.h"
 
+#include "recording.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -54,7 +56,9 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
 gboolean camera_open_finish(Camera *camera, GError **error) {
     const struct camera_format *f = &camera->format;
     const char *who = camera->device.who;
-    if (camera->driver->opened && !camera->driver->opened(camera, error))
+    if (!device_record_opened(&camera->device,
+                              !camera->driver->opened || camera->driver->opened(camera, error),
+                              error))
         return FALSE;
     if (f->width < 1 || f->height < 1 || f->width > 65536 || f->height > 65536)
         return device_error_set(
@@ -92,6 +96,7 @@ void camera_close(Camera *camera) {
         return;
     camera->state->func = NULL;
     camera_disarm(camera);
+    recording_device(camera->device.who, "close");
     camera->driver->close(camera);
     camera_free(camera);
 }
@@ -101,8 +106,22 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
     camera->state->data = data;
 }
 
+static void record(const Camera *camera, enum camera_event event, const Frame *frame,
+                   const GError *error) {
+    const char *who = camera->device.who;
+    if (event == CAMERA_EXPOSED)
+        recording_device(who, "= exposed");
+    else if (frame)
+        recording_device(who, "= frame of %d x %d pixels, %d bits, %s", frame->width, frame->height,
+                         frame->bits, cfa_name(frame->cfa));
+    else
+        recording_device(who, "= %s: %s", event == CAMERA_REFUSED ? "refused" : "fault",
+                         error->message);
+}
+
 /* Tells the listener of an event. Call it last, because the listener may close the camera. */
 static void notify(Camera *camera, enum camera_event event, Frame *frame, const GError *error) {
+    record(camera, event, frame, error);
     if (camera->state->func)
         camera->state->func(camera, event, frame, error, camera->state->data);
 }
@@ -157,6 +176,8 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
     if (state->configured && state->settings.exposure_us == settings->exposure_us &&
         state->settings.gain_db == settings->gain_db)
         return TRUE;
+    recording_device(camera->device.who, "expose for %" G_GINT64_FORMAT " us, gain %g dB",
+                     settings->exposure_us, settings->gain_db);
     state->configured = camera->driver->configure(camera, settings, error);
     state->settings = *settings;
     return state->configured;
@@ -166,6 +187,7 @@ gboolean camera_arm(Camera *camera, GError **error) {
     struct camera_state *state = camera->state;
     if (state->armed)
         return TRUE;
+    recording_device(camera->device.who, "arm");
     if (!camera->driver->arm(camera, error))
         return FALSE;
     state->armed = TRUE;
@@ -183,6 +205,7 @@ void camera_disarm(Camera *camera) {
     if (!camera->state->armed)
         return;
     camera->state->armed = FALSE;
+    recording_device(camera->device.who, "disarm");
     camera->driver->disarm(camera);
 }
 
@@ -211,6 +234,7 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
                                 "it cannot be triggered before it is %s",
                                 state->armed ? "configured" : "armed");
+    recording_device(camera->device.who, "trigger");
     state->waiting = TRUE;
     state->exposed = FALSE;
     state->shot = shot;

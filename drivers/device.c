@@ -1,5 +1,7 @@
 #include "device.h"
 
+#include "recording.h"
+
 GQuark device_error_quark(void) {
     return error_details_domain("device_error");
 }
@@ -57,6 +59,8 @@ gboolean device_init(struct device *device, const struct driver_info *info,
     device->clock = clock_ref(clock);
     device->priv = priv;
     device->section = section;
+    recording_section(section);
+    recording_device(device->who, "open");
     return TRUE;
 }
 
@@ -73,6 +77,8 @@ void device_set_identity(struct device *device, const char *model, const char *s
     g_autofree char *valid = g_utf8_make_valid(g_strstrip(text), -1);
     for (char *at = valid; *at; at++) /* the identity must be a single line of text */
         *at = g_ascii_iscntrl(*at) ? '?' : *at;
+    if (has_serial)
+        recording_hide(serial, NULL);
     g_free(device->identity);
     device->identity = *valid ? g_steal_pointer(&valid) : NULL;
 }
@@ -134,4 +140,14 @@ void device_clear(struct device *device) {
     g_clear_pointer(&device->identity, g_free);
     g_clear_pointer(&device->clock, clock_unref);
     device->info = NULL;
+}
+
+gboolean device_record_opened(const struct device *device, gboolean opened, GError **error) {
+    if (!opened)
+        recording_device(device->who, "= failed: %s",
+                         error && *error ? (*error)->message : "no reason was given");
+    else
+        recording_device(device->who, "= opened%s%s", device->identity ? ": " : "",
+                         device->identity ? device->identity : "");
+    return opened;
 }

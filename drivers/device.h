@@ -148,6 +148,9 @@ void device_set_identity(struct device *device, const char *model, const char *s
 /* For the open() of a driver that works only in real time: fails if the rig's clock is virtual. */
 gboolean device_check_real_clock(const struct device *device, GError **error);
 
+/* For classes: records the result of the driver's open() (recording.h), and returns it. */
+gboolean device_record_opened(const struct device *device, gboolean opened, GError **error);
+
 /* For classes: returns whether the device may give light or move now. */
 gboolean device_ask_permit(const struct device *device, GError **error);
 

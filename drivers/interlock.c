@@ -1,5 +1,7 @@
 #include "interlock.h"
 
+#include "recording.h"
+
 struct listener {
     guint id;
     InterlockFunc func;
@@ -27,7 +29,7 @@ Interlock *interlock_open(const struct interlock_driver *driver,
     interlock->state = g_new0(struct interlock_state, 1);
     interlock->state->listeners = g_array_new(FALSE, FALSE, sizeof(struct listener));
     if (!device_init(&interlock->device, &driver->info, section, also, clock, error) ||
-        !driver->open(interlock, error)) {
+        !device_record_opened(&interlock->device, driver->open(interlock, error), error)) {
         interlock_free(interlock);
         return NULL;
     }
@@ -38,6 +40,7 @@ void interlock_close(Interlock *interlock) {
     if (!interlock)
         return;
     g_array_set_size(interlock->state->listeners, 0);
+    recording_device(interlock->device.who, "close");
     interlock->driver->close(interlock);
     interlock_free(interlock);
 }
@@ -91,6 +94,7 @@ static void set(Interlock *interlock, gboolean closed, gboolean lost) {
     if (interlock->state->closed == closed)
         return;
     interlock->state->closed = closed;
+    recording_device(interlock->device.who, "= %s", closed ? "closed" : lost ? "lost" : "open");
     /* Look the listener up each time, because a listener may remove itself or others from the
      * list. */
     const struct listener *listener;

@@ -1,6 +1,7 @@
 #include "lamps.h"
 
 #include "lights.h"
+#include "recording.h"
 
 #include <math.h>
 
@@ -24,10 +25,22 @@ static gboolean lamps_send(gpointer device, int index, gboolean on, GError **err
     return bank->driver->set(bank, index, on, error);
 }
 
+static void record(const LampBank *bank, int index, gboolean on, const GError *error) {
+    if (!recording_is_on())
+        return;
+    g_autofree char *lamp = index < 0 ? g_strdup("lamps") : g_strdup_printf("lamp %d", index);
+    if (error)
+        recording_device(bank->device.who, "= fault: %s %s: %s", lamp, on ? "on" : "off",
+                         error->message);
+    else
+        recording_device(bank->device.who, "= %s %s", lamp, on ? "on" : "off");
+}
+
 /* Tells the listener the answer to a command. Call it last, because the listener may close the
  * bank. */
 static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     LampBank *bank = device;
+    record(bank, index, on, error);
     if (bank->state->func)
         bank->state->func(bank, index, on, at_us, error, bank->state->data);
 }
@@ -38,7 +51,7 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
     bank->driver = driver;
     bank->state = g_new0(struct lamps_state, 1);
     if (!device_init(&bank->device, &driver->info, section, also, clock, error) ||
-        !driver->open(bank, error)) {
+        !device_record_opened(&bank->device, driver->open(bank, error), error)) {
         lamps_free(bank);
         return NULL;
     }
@@ -65,6 +78,7 @@ void lamps_close(LampBank *bank) {
     if (!bank)
         return;
     bank->state->func = NULL;
+    recording_device(bank->device.who, "close");
     bank->driver->close(bank);
     lamps_free(bank);
 }
@@ -79,11 +93,14 @@ gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
         return device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
                                 "there is no lamp %d: the bank has the lamps 0 to %d", index,
                                 bank->n - 1);
-    return (!on || device_ask_permit(&bank->device, error)) &&
-           lights_set(bank->state->lights, index, on != FALSE, error);
+    if (on && !device_ask_permit(&bank->device, error))
+        return FALSE;
+    recording_device(bank->device.who, "lamp %d %s", index, on ? "on" : "off");
+    return lights_set(bank->state->lights, index, on != FALSE, error);
 }
 
 gboolean lamps_all_off(LampBank *bank, GError **error) {
+    recording_device(bank->device.who, "lamps off");
     return lights_set(bank->state->lights, -1, FALSE, error);
 }
 

@@ -1,6 +1,7 @@
 #include "laser.h"
 
 #include "lights.h"
+#include "recording.h"
 
 #include <math.h>
 
@@ -28,6 +29,10 @@ static gboolean laser_send(gpointer device, int index, gboolean on, GError **err
  * laser. */
 static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     Laser *laser = device;
+    if (error)
+        recording_device(laser->device.who, "= fault: %s: %s", on ? "on" : "off", error->message);
+    else
+        recording_device(laser->device.who, "= %s", on ? "on" : "off");
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
 }
@@ -38,7 +43,7 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
     laser->driver = driver;
     laser->state = g_new0(struct laser_state, 1);
     if (!device_init(&laser->device, &driver->info, section, also, clock, error) ||
-        !driver->open(laser, error)) {
+        !device_record_opened(&laser->device, driver->open(laser, error), error)) {
         laser_free(laser);
         return NULL;
     }
@@ -66,6 +71,7 @@ void laser_close(Laser *laser) {
         return;
     laser->state->func = NULL;
     laser_guard(laser, NULL);
+    recording_device(laser->device.who, "close");
     laser->driver->close(laser);
     laser_free(laser);
 }
@@ -115,8 +121,10 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
                 : "it is not switched on, because the interlock %s is open" ERROR_ADVICE
                   "close the interlock first",
             guard->device.name);
-    return (!on || device_ask_permit(&laser->device, error)) &&
-           lights_set(laser->state->lights, 0, on != FALSE, error);
+    if (on && !device_ask_permit(&laser->device, error))
+        return FALSE;
+    recording_device(laser->device.who, "%s", on ? "on" : "off");
+    return lights_set(laser->state->lights, 0, on != FALSE, error);
 }
 
 enum light laser_light(const Laser *laser) {

@@ -1,6 +1,7 @@
 #include "line.h"
 
 #include "address.h"
+#include "drivers/recording.h"
 #include "serial.h"
 
 #include <errno.h>
@@ -322,6 +323,76 @@ static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
 
+/* Returns the number of the function of a request (Modbus Application Protocol 1.1b3, chapter 6).
+ */
+static guint8 function_of(const struct modbus_request *request) {
+    switch (request->kind) {
+    case MODBUS_READ_COILS:
+        return 1;
+    case MODBUS_READ_INPUTS:
+        return 2;
+    case MODBUS_READ_HOLDING:
+        return 3;
+    case MODBUS_READ_INPUT_REGISTERS:
+        return 4;
+    case MODBUS_WRITE_COILS:
+        return request->n == 1 ? 5 : 15;
+    case MODBUS_WRITE_HOLDING:
+        return request->n == 1 ? 6 : 16;
+    case MODBUS_PULSE_COIL:
+        return 5;
+    }
+    g_return_val_if_reached(0);
+}
+
+/* Appends the number of bytes of the values, and the values: registers, or bits. */
+static void put_values(GByteArray *to, const struct modbus_request *request, gboolean bits) {
+    const guint n = (guint)request->n;
+    guint8 bytes[1 + 2 * MODBUS_MAX_VALUES] = {(guint8)(bits ? (n + 7) / 8 : 2 * n)};
+    for (guint i = 0; i < n && bits; i++)
+        bytes[1 + i / 8] |= (guint8)((request->values[i] != 0) << i % 8);
+    for (guint i = 0; i < n && !bits; i++) {
+        bytes[1 + 2 * i] = (guint8)(request->values[i] >> 8);
+        bytes[2 + 2 * i] = (guint8)request->values[i];
+    }
+    g_byte_array_append(to, bytes, 1u + bytes[0]);
+}
+
+/* Records a request or its answer: unit, function and data, without check sum and transaction.
+ * libmodbus does not give the bytes, but has checked that they say the same. */
+static void record(const struct modbus_line *line, int unit, const struct modbus_request *request,
+                   gboolean is_answer) {
+    if (!recording_is_on())
+        return;
+    const guint8 function = function_of(request);
+    const int n = request->n, at = request->address;
+    const int value = function == 5 && request->kind != MODBUS_PULSE_COIL
+                          ? (request->values[0] ? 0xff00 : 0)
+                      : function == 5 || function == 6 ? request->values[0]
+                                                       : n;
+    const guint8 head[] = {(guint8)unit,         function,     (guint8)(at >> 8), (guint8)at,
+                           (guint8)(value >> 8), (guint8)value};
+    const gboolean reads = function <= 4;
+    g_autoptr(GByteArray) bytes = g_byte_array_new();
+    g_byte_array_append(bytes, head, is_answer && reads ? 2 : sizeof head);
+    if (is_answer ? reads : function > 6)
+        put_values(bytes, request, function <= 2 || function == 15);
+    recording_bytes((struct recording_bus){"modbus", line->link.bus},
+                    is_answer ? RECORDING_RECEIVED : RECORDING_SENT, bytes->data, bytes->len);
+}
+
+/* Records an exception of the device, or that no answer could be used. */
+static void record_failure(const struct modbus_line *line, int unit,
+                           const struct modbus_request *request, int why) {
+    const struct recording_bus bus = {"modbus", line->link.bus};
+    const guint8 exception[] = {(guint8)unit, function_of(request) | 0x80,
+                                (guint8)(why - MODBUS_ENOBASE)};
+    if (is_exception(why))
+        recording_bytes(bus, RECORDING_RECEIVED, exception, sizeof exception);
+    else
+        recording_note(bus, "%s", why == ETIMEDOUT ? "no answer" : modbus_strerror(why));
+}
+
 /* Makes one attempt. Returns 0 or the errno of the failure, and leaves the line ready for the next
  * attempt. *ret_late says that an answer to an earlier request has come. */
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
@@ -339,7 +410,12 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     line->owed = TRUE;
     errno = 0;
     struct modbus_request answer = *request;
+    record(line, unit, request, FALSE);
     int why = line_transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
+    if (why)
+        record_failure(line, unit, request, why);
+    else
+        record(line, unit, &answer, TRUE);
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);

@@ -24,6 +24,10 @@ void artnet_dmx(int universe, const guint8 levels[ARTNET_CHANNELS], guint8 ret[A
 
 #define ARTNET_PORTS 4
 
+/* Places of the addresses of a node in its reply. */
+#define ARTNET_REPLY_IP  10
+#define ARTNET_REPLY_MAC 201
+
 struct artnet_output {
     int universe;
     guint8 state; /* GoodOutputA */

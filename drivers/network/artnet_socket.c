@@ -1,6 +1,7 @@
 #include "artnet_socket.h"
 
 #include "drivers/device.h"
+#include "drivers/recording.h"
 #include "udp.h"
 
 #include <glib-unix.h>
@@ -91,6 +92,13 @@ gboolean artnet_socket_send(ArtnetSocket *socket, guint32 node, const guint8 *pa
                                         name, g_strerror(why));
 }
 
+/* Hides the addresses of a node from a recording. */
+static void hide_addresses(const guint8 *reply, gsize n) {
+    recording_hide_bytes(reply + ARTNET_REPLY_IP, 4);
+    if (n >= ARTNET_REPLY_MAC + 6)
+        recording_hide_bytes(reply + ARTNET_REPLY_MAC, 6);
+}
+
 static void receive(ArtnetSocket *socket, int fd) {
     guint8 bytes[1500];
     guint32 from;
@@ -98,6 +106,7 @@ static void receive(ArtnetSocket *socket, int fd) {
         struct artnet_reply reply;
         if (!artnet_reply_read(bytes, (gsize)n, &reply))
             continue;
+        hide_addresses(bytes, (gsize)n);
         for (guint i = 0; i < socket->listeners->len; i++) {
             const struct listener *listener = socket->listeners->pdata[i];
             if (listener->node == from)

@@ -13,6 +13,7 @@
  */
 #include "devices.h"
 #include "dmx.h"
+#include "drivers/recording.h"
 #include "sacn_packet.h"
 #include "udp.h"
 
@@ -148,6 +149,7 @@ static void name_source(struct sacn_lamps *lamps) {
     memcpy(source->cid, digest, sizeof source->cid);
     source->cid[6] = (guint8)((source->cid[6] & 0x0f) | 0x50);
     source->cid[8] = (guint8)((source->cid[8] & 0x3f) | 0x80);
+    recording_hide_bytes(source->cid, sizeof source->cid);
     g_snprintf(source->name, sizeof source->name, "Mesorig, %s", lamps->dmx.bank->device.who);
     source->priority = lamps->priority;
 }

@@ -1,6 +1,7 @@
 #include "udp.h"
 
 #include "drivers/device.h"
+#include "drivers/recording.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -44,8 +45,18 @@ int udp_open(guint32 local_address, guint16 port, GError **error) {
 
 int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize n) {
     const struct sockaddr_in to = socket_address(address, port);
-    return sendto(fd, packet, n, MSG_NOSIGNAL, (const struct sockaddr *)&to, sizeof to) < 0 ? errno
-                                                                                            : 0;
+    const int why = sendto(fd, packet, n, MSG_NOSIGNAL, (const struct sockaddr *)&to, sizeof to) < 0
+                        ? errno
+                        : 0;
+    if (recording_is_on()) {
+        g_autofree char *name = udp_name(address);
+        const struct recording_bus bus = {"udp", name};
+        if (why)
+            recording_note(bus, "not sent: %s", g_strerror(why));
+        else
+            recording_bytes(bus, RECORDING_SENT, packet, n);
+    }
+    return why;
 }
 
 gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address) {
@@ -56,6 +67,10 @@ gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address) {
         n = recvfrom(fd, ret, size, 0, (struct sockaddr *)&from, &length);
     while (n < 0 && errno == EINTR);
     *ret_address = ntohl(from.sin_addr.s_addr);
+    if (recording_is_on() && n >= 0) {
+        g_autofree char *name = udp_name(*ret_address);
+        recording_bytes((struct recording_bus){"udp", name}, RECORDING_RECEIVED, ret, (gsize)n);
+    }
     return n;
 }
 

@@ -1,9 +1,11 @@
 #include "wled_http.h"
 
 #include "dmx.h"
+#include "drivers/recording.h"
 
 #include <json-glib/json-glib.h>
 #include <libsoup/soup.h>
+#include <string.h>
 
 #define TIMEOUT_S  1
 #define MAX_ANSWER 65536
@@ -13,6 +15,7 @@
 #define OFF "{\"on\":false,\"bri\":255,\"live\":false,\"transition\":0,\"v\":true}"
 
 struct WledHttp {
+    char *address;
     char *state_url, *both_url;
     SoupSession *session;
     GThread *thread;
@@ -36,6 +39,17 @@ static JsonNode *value_of(JsonObject *parent, const char *name) {
     return node && JSON_NODE_HOLDS_VALUE(node) ? node : NULL;
 }
 
+/* Hides from a recording what WLED says about the network and its owner. */
+static void hide_names(JsonObject *info) {
+    JsonNode *nodes[] = {value_of(info, "name"), value_of(info, "mac"), value_of(info, "ip"),
+                         value_of(object_of(info, "wifi"), "bssid")};
+    for (gsize i = 0; i < G_N_ELEMENTS(nodes); i++) {
+        const char *text = nodes[i] ? json_node_get_string(nodes[i]) : NULL;
+        if (text && strcmp(text, "WLED") != 0)
+            recording_hide(text, NULL);
+    }
+}
+
 gboolean wled_answer_read(const char *text, gssize n, struct wled_answer *ret, GError **error) {
     g_autoptr(JsonParser) parser = json_parser_new();
     if (n > 0 && g_utf8_validate(text, n, NULL) &&
@@ -53,6 +67,7 @@ gboolean wled_answer_read(const char *text, gssize n, struct wled_answer *ret, G
             ret->on = json_node_get_boolean(on);
             ret->live = json_node_get_boolean(live);
             ret->n_leds = (int)CLAMP(json_node_get_int(count), 0, G_MAXINT);
+            hide_names(info);
             if (!dmx_address(address ? address : "", &ret->from))
                 ret->from = 0;
             g_strlcpy(ret->version, name ? name : "", sizeof ret->version);
@@ -64,6 +79,23 @@ gboolean wled_answer_read(const char *text, gssize n, struct wled_answer *ret, G
                             "check address, and update WLED");
 }
 
+static void record_request(const WledHttp *http, gboolean off) {
+    static const char *const requests[] = {"GET /json/si\n", "POST /json/state " OFF "\n"};
+    recording_text((struct recording_bus){"http", http->address}, RECORDING_SENT, requests[off],
+                   strlen(requests[off]));
+}
+
+/* Records status and body as one line. */
+static void record_answer(const WledHttp *http, int status, const char *body, gsize n) {
+    if (!recording_is_on())
+        return;
+    g_autofree char *text = g_strdup_printf("%d %.*s", status, (int)n, body);
+    g_strdelimit(text, "\r\n", ' ');
+    g_autofree char *line = g_strconcat(text, "\n", NULL);
+    recording_text((struct recording_bus){"http", http->address}, RECORDING_RECEIVED, line,
+                   strlen(line));
+}
+
 static gboolean ask(WledHttp *http, struct wled_answer *answer, GError **error) {
     g_autoptr(SoupMessage) message = soup_message_new(
         answer->off ? "POST" : "GET", answer->off ? http->state_url : http->both_url);
@@ -72,12 +104,14 @@ static gboolean ask(WledHttp *http, struct wled_answer *answer, GError **error) 
         soup_message_set_request_body_from_bytes(message, "application/json", body);
     }
     soup_message_headers_append(soup_message_get_request_headers(message), "Connection", "close");
+    record_request(http, answer->off);
     g_autoptr(GInputStream) stream =
         soup_session_send(http->session, message, http->cancellable, error);
     g_autofree char *text = g_malloc(MAX_ANSWER);
     gsize n;
     if (!stream || !g_input_stream_read_all(stream, text, MAX_ANSWER, &n, http->cancellable, error))
         return FALSE;
+    record_answer(http, (int)soup_message_get_status(message), text, n);
     if (soup_message_get_status(message) != SOUP_STATUS_OK)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "it answers with the HTTP status %d instead of 200" ERROR_ADVICE
@@ -110,6 +144,7 @@ static void answer_free(gpointer answer) {
 
 WledHttp *wled_http_new(const char *address, int port) {
     WledHttp *http = g_new0(WledHttp, 1);
+    http->address = g_strdup(address);
     http->state_url = g_strdup_printf("http://%s:%d/json/state", address, port);
     http->both_url = g_strdup_printf("http://%s:%d/json/si", address, port);
     http->session = soup_session_new_with_options("timeout", TIMEOUT_S, NULL);
@@ -133,6 +168,7 @@ void wled_http_free(WledHttp *http) {
     g_async_queue_unref(http->answers);
     g_object_unref(http->session);
     g_object_unref(http->cancellable);
+    g_free(http->address);
     g_free(http->state_url);
     g_free(http->both_url);
     g_free(http);

@@ -9,6 +9,7 @@
  */
 #include "devices.h"
 #include "dmx.h"
+#include "drivers/recording.h"
 #include "udp.h"
 #include "wled_http.h"
 
@@ -201,6 +202,8 @@ static gboolean connect_node(struct wled_lamps *lamps, GError **error) {
                                 "check address, and the network of this computer",
                                 dmx->address);
     lamps->own = ntohl(own.sin_addr.s_addr);
+    g_autofree char *own_name = udp_name(lamps->own);
+    recording_hide(own_name, "{computer}");
     lamps->http = wled_http_new(dmx->address, lamps->http_port);
     return TRUE;
 }

@@ -1,6 +1,7 @@
 #include "program.h"
 
 #include "drivers/lock.h"
+#include "drivers/recording.h"
 #include "message.h"
 
 #include <errno.h>
@@ -189,6 +190,10 @@ static void enqueue(struct call *call) {
     pump_later(call->program);
 }
 
+static struct recording_bus bus_of(const Program *program) {
+    return (struct recording_bus){"program", name_of(program)};
+}
+
 /* Writes a request. If the pipe is full, the program has left 64 KiB of requests unread and is
  * killed. */
 static void send_call(struct call *call) {
@@ -199,6 +204,7 @@ static void send_call(struct call *call) {
     g_queue_push_tail(&program->sent, call);
     set_deadline(call);
     const gssize length = (gssize)strlen(line);
+    recording_text(bus_of(program), RECORDING_SENT, line, (gsize)length);
     if (write(program->process.in, line, (gsize)length) != length && errno != EPIPE)
         fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
                                        "%s does not read its requests; it was ended" ERROR_ADVICE
@@ -425,6 +431,7 @@ static void read_output(Program *program) {
     if (n < 0 && (errno == EAGAIN || errno == EINTR))
         return;
     if (n > 0) {
+        recording_text(bus_of(program), RECORDING_RECEIVED, (const char *)bytes, (gsize)n);
         g_byte_array_append(program->line, bytes, (guint)n);
         take_lines(program);
         return;
@@ -472,6 +479,11 @@ static gboolean start_process(Program *program, GError **error) {
                                 "%s cannot be started: %s", name_of(program), why->message);
     g_byte_array_set_size(program->line, 0);
     program->state = STARTING;
+    if (program->folder)
+        recording_hide(program->folder, "{folder}");
+    for (char **argument = program->command->arguments; argument && *argument; argument++)
+        if (**argument == '/')
+            recording_hide(*argument, "{path}");
     program->out_source =
         g_unix_fd_add(program->process.out, G_IO_IN | G_IO_HUP, on_output, program);
     program->socket_source =

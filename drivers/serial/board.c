@@ -1,6 +1,7 @@
 #include "board_private.h"
 #include "port.h"
 
+#include "drivers/recording.h"
 #include "modbus/address.h"
 
 #include <errno.h>
@@ -211,9 +212,14 @@ static void board_unref(GcodeBoard *board) {
     g_free(board);
 }
 
+static struct recording_bus bus_of(const GcodeBoard *board) {
+    return (struct recording_bus){"serial", board->link.port};
+}
+
 void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n) {
     if (board->fd < 0)
         return;
+    recording_text(bus_of(board), RECORDING_SENT, bytes, n);
     /* If the port takes nothing, the deadline of the answer shows it. */
     if (write(board->fd, bytes, n) != (gssize)n)
         g_debug("%s: %s", board->link.port, g_strerror(errno));
@@ -369,6 +375,7 @@ static void read_input(GcodeBoard *board) {
             unplugged(board, n < 0 ? g_strerror(errno) : "it has hung up");
             return;
         }
+        recording_text(bus_of(board), RECORDING_RECEIVED, bytes, (gsize)n);
         for (gssize i = 0; i < n; i++)
             g_string_append_c(board->input, bytes[i] ? bytes[i] : '?');
         char *end;

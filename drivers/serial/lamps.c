@@ -14,6 +14,7 @@
 #include "port.h"
 
 #include "drivers/lock.h"
+#include "drivers/recording.h"
 #include "modbus/address.h"
 
 #include <errno.h>
@@ -175,6 +176,10 @@ static void unplugged(struct serial_lamps *lamps, const char *why) {
     fail_all(lamps, error);
 }
 
+static struct recording_bus bus_of(const struct serial_lamps *lamps) {
+    return (struct recording_bus){"serial", lamps->port};
+}
+
 static void send(struct serial_lamps *lamps, struct request *request) {
     const gint64 now = clock_now_us(lamps->bank->device.clock);
     if (request->number == 0) {
@@ -186,6 +191,7 @@ static void send(struct serial_lamps *lamps, struct request *request) {
     request->n_sent++;
     request->due_us = now + (gint64)(lamps->answer_ms * 1000);
     lamps->fed_us = now;
+    recording_text(bus_of(lamps), RECORDING_SENT, line, strlen(line));
     /* If the port takes nothing, the deadline of the answer shows it. */
     if (write(lamps->fd, line, strlen(line)) != (gssize)strlen(line))
         g_debug("%s: %s", lamps->port, g_strerror(errno));
@@ -380,6 +386,7 @@ static void read_input(struct serial_lamps *lamps) {
             unplugged(lamps, n < 0 ? g_strerror(errno) : "it has hung up");
             return;
         }
+        recording_text(bus_of(lamps), RECORDING_RECEIVED, bytes, (gsize)n);
         for (gssize i = 0; i < n; i++) {
             if (bytes[i] == '\n' || bytes[i] == '\r') {
                 if (!lamps->skips)

@@ -2,6 +2,7 @@
 
 #include "drivers/device.h"
 #include "drivers/lock.h"
+#include "drivers/recording.h"
 
 #include <libusb.h>
 #include <string.h>
@@ -13,6 +14,7 @@ struct transfer {
     struct libusb_transfer *libusb;
     UsbFunc func;
     gpointer user;
+    gboolean in; /* data goes from the device to the computer */
 };
 
 /* The process has one context while any device is open. */
@@ -34,7 +36,7 @@ struct context_source {
 struct UsbDevice {
     struct context *context;
     libusb_device_handle *handle;
-    char *who, *product, *serial;
+    char *who, *product, *serial, *path;
     int interface; /* -1 if none is claimed */
     Lock *lock;    /* held while the interface is claimed */
     GList *flying; /* of struct transfer: submitted, but not ended */
@@ -76,6 +78,35 @@ static GError *library_error(UsbDevice *usb, int code) {
                             "USB failed: %s" ERROR_ADVICE "check its cable", libusb_strerror(code));
 }
 
+/* Records a request: the eight bytes of its setup packet, and the data that it sends. */
+static void record_request(const UsbDevice *usb, const struct usb_request *request) {
+    if (!recording_is_on())
+        return;
+    const guint8 setup[] = {request->type,          request->request,
+                            request->value & 0xff,  (guint8)(request->value >> 8),
+                            request->index & 0xff,  (guint8)(request->index >> 8),
+                            request->length & 0xff, (guint8)(request->length >> 8)};
+    g_autoptr(GByteArray) bytes = g_byte_array_new();
+    g_byte_array_append(bytes, setup, sizeof setup);
+    if (!(request->type & LIBUSB_ENDPOINT_IN) && request->data)
+        g_byte_array_append(bytes, request->data, request->length);
+    recording_bytes((struct recording_bus){"usb", usb->path}, RECORDING_SENT, bytes->data,
+                    bytes->len);
+}
+
+/* Records the data that a request has read, or why it failed. Nothing follows a request that has
+ * sent its data. */
+static void record_answer(const UsbDevice *usb, gboolean in, int code, const guint8 *data,
+                          gsize n) {
+    const struct recording_bus bus = {"usb", usb->path};
+    if (code == LIBUSB_ERROR_PIPE)
+        recording_note(bus, "stall");
+    else if (code)
+        recording_note(bus, "%s", libusb_strerror(code));
+    else if (in)
+        recording_bytes(bus, RECORDING_RECEIVED, data, n);
+}
+
 static void report_transfer(struct transfer *transfer) {
     static const int codes[] = {[LIBUSB_TRANSFER_COMPLETED] = LIBUSB_SUCCESS,
                                 [LIBUSB_TRANSFER_ERROR] = LIBUSB_ERROR_IO,
@@ -88,6 +119,7 @@ static void report_transfer(struct transfer *transfer) {
     int code = codes[transfer->libusb->status];
     g_autoptr(GError) error = code ? library_error(usb, code) : NULL;
     gsize n = error ? 0 : (gsize)transfer->libusb->actual_length;
+    record_answer(usb, transfer->in, code, libusb_control_transfer_get_data(transfer->libusb), n);
     transfer->func(usb, libusb_control_transfer_get_data(transfer->libusb), n, error,
                    transfer->user);
     transfer_free(transfer);
@@ -240,7 +272,7 @@ gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint ti
                      UsbFunc func, gpointer user, GError **error) {
     gboolean out = !(request->type & LIBUSB_ENDPOINT_IN);
     struct transfer *transfer = g_new0(struct transfer, 1);
-    *transfer = (struct transfer){usb, libusb_alloc_transfer(0), func, user};
+    *transfer = (struct transfer){usb, libusb_alloc_transfer(0), func, user, !out};
     /* libusb frees the buffer with free(). */
     guint8 *buffer = calloc(1, LIBUSB_CONTROL_SETUP_SIZE + (gsize)request->length);
     if (!transfer->libusb || !buffer)
@@ -252,6 +284,7 @@ gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint ti
     libusb_fill_control_transfer(transfer->libusb, usb->handle, buffer, on_transfer, transfer,
                                  timeout_ms);
     transfer->libusb->flags = LIBUSB_TRANSFER_FREE_BUFFER;
+    record_request(usb, request);
     int code = usb->lost ? LIBUSB_ERROR_NO_DEVICE : libusb_submit_transfer(transfer->libusb);
     if (code == 0) {
         usb->flying = g_list_append(usb->flying, transfer);
@@ -268,10 +301,12 @@ int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *
     gboolean in = request->type & LIBUSB_ENDPOINT_IN;
     if (!in && request->data)
         memcpy(sent, request->data, request->length);
+    record_request(usb, request);
     int n = usb->lost ? LIBUSB_ERROR_NO_DEVICE
                       : libusb_control_transfer(usb->handle, request->type, request->request,
                                                 request->value, request->index, in ? answer : sent,
                                                 request->length, USB_SYNC_MS);
+    record_answer(usb, in, MIN(n, 0), answer, (gsize)MAX(n, 0));
     if (n >= 0)
         return n;
     g_propagate_error(error, library_error(usb, n));
@@ -311,6 +346,7 @@ void usb_close(UsbDevice *usb) {
     g_free(usb->who);
     g_free(usb->product);
     g_free(usb->serial);
+    g_free(usb->path);
     g_free(usb);
 }
 
@@ -421,20 +457,25 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
                            GError **error) {
     UsbDevice *usb = g_new0(UsbDevice, 1);
     usb->who = g_strdup(match->who);
+    usb->path = usb_path_of(device);
     usb->interface = -1;
     usb->context = context;
     int code = libusb_open(device, &usb->handle);
     if (code) {
         g_propagate_error(error, library_error(usb, code));
         g_free(usb->who);
+        g_free(usb->path);
         g_free(usb);
         return NULL;
     }
     context->refs++;
     context->devices = g_list_append(context->devices, usb);
     usb->product = read_string(usb, descriptor->iProduct);
+    recording_note((struct recording_bus){"usb", usb->path}, "%04x:%04x %s", descriptor->idVendor,
+                   descriptor->idProduct, usb->product);
     if (!match->read_serial || !has_name(match, usb)) {
         usb->serial = read_string(usb, descriptor->iSerialNumber);
+        recording_hide(usb->serial, NULL);
         return usb;
     }
     /* The interface must be claimed before a serial number can be read through it. */

@@ -1,6 +1,7 @@
 #include "node.h"
 
 #include "drivers/device.h"
+#include "drivers/recording.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,11 +13,26 @@
 #define CLASS_FOLDER "/sys/class/video4linux"
 #define MAX_LISTED   256 /* limit for lists of formats and sizes; vivid has 80 */
 
+/* Records a call and the struct that it has left behind, except the calls that each frame makes.
+ * Keeps errno. */
+static void record(const struct video_node *node, unsigned long request, int why,
+                   const guint8 *arg) {
+    const struct recording_bus bus = {"v4l2", node->path ? node->path : "video"};
+    if (request == VIDIOC_QBUF || request == VIDIOC_DQBUF)
+        return;
+    recording_note(bus, "ioctl V %u: %s", (guint)_IOC_NR(request), why ? g_strerror(why) : "done");
+    if (!why && arg)
+        recording_bytes(bus, RECORDING_RECEIVED, arg, _IOC_SIZE(request));
+    errno = why;
+}
+
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg) {
     int code;
     do
         code = ioctl(node->fd, request, arg);
     while (code < 0 && errno == EINTR);
+    if (recording_is_on())
+        record(node, request, code < 0 ? errno : 0, arg);
     return code;
 }
 

@@ -1,0 +1,67 @@
+/*
+ * A recording of what devices say on their buses: a text that a person can read and mail, and that
+ * a virtual bus can replay (sim/virtual/replay.h). docs/build-a-rig/recordings.md describes its
+ * lines.
+ *
+ * The process has at most one recording. The classes of devices record their calls and their
+ * results, and the buses record each message where they read and write it. Without a recording,
+ * each of these places costs one look at an integer. Any thread may call these functions.
+ */
+#pragma once
+
+#include "base/config.h"
+
+#define RECORDING_VERSION 1
+
+/* Begins a recording. A recording that is under way is dropped. */
+void recording_begin(void);
+
+/* Ends the recording, and returns its text. Returns NULL if there is none. g_free()
+ *
+ * The text has no name of the computer and of its user, no path and no network address. These and
+ * everything that recording_hide() has named are replaced. */
+char *recording_end(void);
+
+extern gint recording_state; /* use recording_is_on() */
+static inline gboolean recording_is_on(void) {
+    return g_atomic_int_get(&recording_state) != 0;
+}
+
+/* The bus of a message. kind is the way of its messages: "serial", "modbus", "udp", "http",
+ * "program", "usb" or "v4l2". address is its place on this computer or in the network; the text has
+ * a number instead. */
+struct recording_bus {
+    const char *kind, *address;
+};
+
+enum recording_way { RECORDING_SENT, RECORDING_RECEIVED };
+
+/* Records bytes of text. Bytes that were received are recorded when their line is complete. Bytes
+ * that were sent are recorded as they are. */
+void recording_text(struct recording_bus bus, enum recording_way way, const char *bytes, gsize n);
+
+/* Records a message of n bytes in hexadecimal digits. */
+void recording_bytes(struct recording_bus bus, enum recording_way way, const guint8 *bytes,
+                     gsize n);
+
+/* Records that something other than a message has happened, such as a missing answer. */
+void recording_note(struct recording_bus bus, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* Returns whether the value of a key of a rig file is a place on this computer or in its network,
+ * or the number of one device. The text of a recording does not have these values. */
+gboolean recording_is_place(const char *key);
+
+/* For classes: records the section of a device, and the calls and results of the device that who
+ * names ("axis turntable"). A result begins with "= ". */
+void recording_section(const struct config_section *section);
+void recording_device(const char *who, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* Replaces a text by another one in the whole recording, also where its bytes are part of a message
+ * in hexadecimal digits. Texts of less than 4 characters are kept, because they could be part of
+ * anything, and so are texts that are part of the name of a device in the rig file. instead NULL
+ * replaces each character by X. */
+void recording_hide(const char *text, const char *instead);
+
+/* Replaces n bytes of binary messages by 0, such as the address of a network interface. n is at
+ * most 64. */
+void recording_hide_bytes(const guint8 *bytes, gsize n);

@@ -1,0 +1,30 @@
+/* Reads a recording of what devices have said (docs/build-a-rig/recordings.md). Plain data. Any
+ * thread. */
+#pragma once
+
+#include <gio/gio.h>
+
+struct recorded_line {
+    int number; /* line of the file, from 1 on */
+    /* A message or a note: number of the bus, from 1 on, and '>' (to the device), '<' or '-' (note,
+     * whose text is bytes). 0 and 0 for a line of a device. */
+    int bus;
+    char way;
+    GBytes *bytes;
+    char *who, *text; /* of a line of a device: "axis turntable", "move to 5.0000" */
+};
+
+struct recorded {
+    char *path;
+    GPtrArray *kinds; /* of char *: the kind of bus 1 is the first */
+    char *sections; /* the sections of the rig file, in which "@1" stands for the place of bus 1 */
+    gboolean from_model;
+    GPtrArray *lines; /* of struct recorded_line */
+};
+typedef struct recorded Recorded;
+
+/* Parses a text. path names it in errors. Returns NULL on failure, with G_IO_ERROR_INVALID_DATA and
+ * an error that begins with path and line. */
+Recorded *recorded_parse(const char *text, const char *path, GError **error);
+void recorded_free(Recorded *recorded); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Recorded, recorded_free)

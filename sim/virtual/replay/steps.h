@@ -1,0 +1,30 @@
+/* The requests of one bus of a recording, and how far a replay has come. One thread at a time. */
+#pragma once
+
+#include "protocol.h"
+#include "recorded.h"
+
+struct steps;
+
+/* Reads the lines of a bus. Keeps recorded and protocol. */
+struct steps *steps_new(const Recorded *recorded, int bus, const struct replay_protocol *protocol);
+void steps_free(struct steps *steps); /* NULL is ignored */
+
+/* Returns the messages that the device sends before the first request, of GBytes. */
+const GPtrArray *steps_greeting(const struct steps *steps);
+
+enum steps_result {
+    STEPS_ANSWERED, /* ret has the messages that follow, of GBytes; perhaps none */
+    STEPS_STALLED,  /* the device has refused the request (USB) */
+    STEPS_DIFFERS,  /* steps_difference() says how */
+};
+
+/* Takes a request of the program. Appends the messages that follow to ret. */
+enum steps_result steps_take(struct steps *steps, const guint8 *bytes, gsize n, GPtrArray *ret);
+
+/* Returns whether all requests before a line of the file have come. */
+gboolean steps_are_at(const struct steps *steps, int line);
+
+/* Return texts for people, or NULL (replay.h). The steps own the first; g_free() the second. */
+const char *steps_difference(const struct steps *steps);
+char *steps_missing(const struct steps *steps);
