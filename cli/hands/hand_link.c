@@ -9,7 +9,13 @@
 
 char *hand_rig;
 
-Link *hand_link(GError **error) {
+/* Handles the property changes since the daemon opened or closed the rig. */
+static void catch_up(void) {
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+}
+
+Link *hand_find(char **ret_rig, GError **error) {
     gboolean simulated;
     g_autofree char *rig = hand_rig ? g_canonicalize_filename(hand_rig, NULL) : NULL;
     g_autoptr(Link) link = rig ? rig_link_find(rig, &simulated, error) : link_find(NULL, error);
@@ -18,18 +24,71 @@ Link *hand_link(GError **error) {
             g_prefix_error(error, "give --rig RIG, or start the daemon: ");
         return NULL;
     }
-    if (rig && !rig_link_open(link, rig, error))
-        return NULL;
-    while (g_main_context_iteration(
-        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
-        ;
     const char *open = bus_rig1_get_rig_path(link_rig(link));
-    if (!open || !*open) {
+    if (!rig && (!open || !*open)) {
         g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                             "the daemon has no rig open: give --rig RIG");
         return NULL;
     }
+    *ret_rig = rig ? g_steal_pointer(&rig) : g_strdup(open);
     return g_steal_pointer(&link);
+}
+
+gboolean hand_open(Link *link, const char *rig, GError **error) {
+    const gboolean opened = rig_link_open(link, rig, error);
+    catch_up();
+    return opened;
+}
+
+Link *hand_link(GError **error) {
+    g_autofree char *rig = NULL;
+    g_autoptr(Link) link = hand_find(&rig, error);
+    return link && hand_open(link, rig, error) ? g_steal_pointer(&link) : NULL;
+}
+
+gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, GError **error) {
+    BusRig1 *object = link_rig(link);
+    const char *open = bus_rig1_get_rig_path(object);
+    *was_open = g_strcmp0(open, rig) == 0;
+    if (*was_open && !bus_rig1_call_close_rig_sync(object, NULL, error))
+        return FALSE;
+    if (!bus_rig1_call_begin_recording_sync(object, NULL, error))
+        return FALSE;
+    catch_up();
+    return hand_open(link, rig, error);
+}
+
+/* Reads a file that the daemon has sent. */
+static char *read_text(int fd, GError **error) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    char bytes[65536];
+    gssize n;
+    while ((n = pread(fd, bytes, sizeof bytes, (off_t)text->len)) > 0)
+        g_string_append_len(text, bytes, n);
+    close(fd);
+    if (n == 0)
+        return g_string_free(g_steal_pointer(&text), FALSE);
+    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_PARTIAL_INPUT,
+                        "the recording of mesorigd cannot be read: make it again");
+    return NULL;
+}
+
+char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error) {
+    BusRig1 *object = link_rig(link);
+    g_autoptr(GVariant) handle = NULL;
+    g_autoptr(GUnixFDList) list = NULL;
+    catch_up();
+    const char *open = bus_rig1_get_rig_path(object);
+    if (open && *open && !bus_rig1_call_close_rig_sync(object, NULL, error))
+        return NULL;
+    if (!bus_rig1_call_end_recording_sync(object, NULL, &handle, &list, NULL, error))
+        return NULL;
+    const int fd = list ? g_unix_fd_list_get(list, g_variant_get_handle(handle), error) : -1;
+    g_autofree char *text = fd >= 0 ? read_text(fd, error) : NULL;
+    catch_up();
+    if (!text || (was_open && !hand_open(link, rig, error)))
+        return NULL;
+    return g_steal_pointer(&text);
 }
 
 static gboolean read_pixels(int fd, Frame *frame, GError **error) {

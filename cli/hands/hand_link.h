@@ -17,6 +17,20 @@ extern char *hand_rig; /* --rig */
  * connection closes. */
 Link *hand_link(GError **error);
 
+/* The same in two steps. hand_find() finds the daemon. *ret_rig is the absolute path of the rig of
+ * --rig, or of the rig that the daemon has open; g_free(). hand_open() opens the rig if
+ * necessary. */
+Link *hand_find(char **ret_rig, GError **error);
+gboolean hand_open(Link *link, const char *rig, GError **error);
+
+/* Record what devices say (docs/build-a-rig/recordings.md). hand_begin_recording() closes the rig
+ * if it is open, begins the recording, and opens the rig, so that the recording shows how its
+ * devices are opened. If that fails, the recording goes on. hand_end_recording() closes the rig if
+ * it is open, ends the recording and returns its text; g_free(). It opens a rig again that was open
+ * before. *was_open is set by the former and used by the latter. */
+gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, GError **error);
+char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error);
+
 /* Lease of a light in seconds: the light goes off after this time unless hand_snap(), hand_light()
  * or hand_renew() is called. */
 #define HAND_LEASE_S 30

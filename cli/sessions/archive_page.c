@@ -1,6 +1,7 @@
 /* An archive as a page: one file that a browser shows without any network. */
 #include "archive.h"
 #include "base/plural.h"
+#include "common/page.h"
 
 #include "plan/report.h"
 
@@ -9,46 +10,6 @@
 
 #define MAX_EVENTS   200
 #define MAX_PRODUCTS 40
-
-/* Numbers of CSS and SVG have decimal points, because the programs set no numeric locale. */
-static const char head[] =
-    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-    "<meta name=\"color-scheme\" content=\"light dark\"><title>%s</title>\n<style>\n"
-    ":root{--ink:#1d2126;--faint:#5c6570;--line:#d9dde2;--back:#fff;--soft:#f5f6f8;--pass:#1a7f4b;"
-    "--warn:#9a6200;--fail:#b3202a}\n"
-    "@media (prefers-color-scheme:dark){:root{--ink:#e6e8eb;--faint:#9aa3ad;--line:#3a4047;"
-    "--back:#17191c;--soft:#202328;--pass:#56c48a;--warn:#e3ab4d;--fail:#f07f86}}\n"
-    "body{font:15px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--back);"
-    "max-width:62em;margin:2em auto;padding:0 1em}\n"
-    "h1{margin-bottom:0}h2{margin-top:2em}.faint{color:var(--faint)}\n"
-    "table{border-collapse:collapse;margin:.5em 0}.wide{overflow-x:auto}\n"
-    "td,th{padding:.25em .8em .25em 0;text-align:left;vertical-align:top;"
-    "border-bottom:1px solid var(--line)}\n"
-    "td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\n"
-    "code{overflow-wrap:anywhere;font-size:90%%}\n"
-    ".pass{color:var(--pass)}.warning{color:var(--warn)}.failure{color:var(--fail)}\n"
-    ".pass,.warning,.failure{font-weight:600}\n"
-    "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:100%%}\n"
-    "figure img{display:block;max-width:100%%;image-rendering:pixelated;border:1px solid "
-    "var(--line)}\nfigcaption{font-size:13px;color:var(--faint);max-width:20em}\n"
-    ".history svg{max-width:100%%;height:auto;background:#fff;border-radius:6px}\n"
-    "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
-
-static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Appends text by a format, as printf() does, but escapes the arguments for HTML. */
-static void add(GString *to, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    g_autofree char *text = g_markup_vprintf_escaped(format, arguments);
-    va_end(arguments);
-    g_string_append(to, text);
-}
-
-static void add_row(GString *to, const char *name, const char *value) {
-    if (value && *value)
-        add(to, "<tr><th>%s</th><td>%s</td></tr>\n", name, value);
-}
 
 /* Returns a text such as "2 h 05 min, the plan said 2 h 01 min". */
 static char *compared(double found, double planned, char *(*print)(double)) {
@@ -105,7 +66,7 @@ static void add_facts(GString *to, const struct archive *archive) {
         {"Reported by", "mesorig " MESORIG_VERSION}};
     g_string_append(to, "<table>\n");
     for (gsize i = 0; i < G_N_ELEMENTS(rows); i++)
-        add_row(to, rows[i][0], rows[i][1]);
+        page_add_row(to, rows[i][0], rows[i][1]);
     g_string_append(to, "</table>\n");
 }
 
@@ -114,15 +75,15 @@ static void add_checks(GString *to, const struct archive *archive) {
     for (guint i = 0; i < archive->checks->len; i++) {
         const struct archive_check *check = archive->checks->pdata[i];
         const char *verdict = archive_verdict_name(check->verdict);
-        add(to, "<tr><td class=\"%s\">%s</td><th>%s</th><td>%s</td></tr>\n", verdict, verdict,
-            check->name, check->said);
+        page_add(to, "<tr><td class=\"%s\">%s</td><th>%s</th><td>%s</td></tr>\n", verdict, verdict,
+                 check->name, check->said);
     }
     g_string_append(to, "</table>\n");
 }
 
 static void add_share(GString *to, double share) {
     if (isfinite(share))
-        add(to, "<td class=\"n\">%.3g %%</td>", 100 * share);
+        page_add(to, "<td class=\"n\">%.3g %%</td>", 100 * share);
     else
         g_string_append(to, "<td class=\"n faint\">–</td>");
 }
@@ -141,8 +102,8 @@ static void add_rings(GString *to, const struct archive *archive) {
         const struct archive_ring *ring = &g_array_index(archive->rings, struct archive_ring, i);
         const double shares[] = {ring->holes, ring->bounds,   ring->shorter, ring->predicted,
                                  ring->sigma, ring->measured, ring->supplied};
-        add(to, "<tr><td class=\"n\">%.0f°</td><td class=\"n\">%d</td><td class=\"n\">%d</td>",
-            ring->theta_deg, ring->views, ring->pictures);
+        page_add(to, "<tr><td class=\"n\">%.0f°</td><td class=\"n\">%d</td><td class=\"n\">%d</td>",
+                 ring->theta_deg, ring->views, ring->pictures);
         for (gsize k = 0; k < G_N_ELEMENTS(shares); k++)
             add_share(to, shares[k]);
         g_string_append(to, "</tr>\n");
@@ -156,13 +117,7 @@ static void add_images(GString *to, const struct archive *archive) {
                             "group has one scale.</p>\n");
     for (guint i = 0; i < archive->pictures->len; i++) {
         const struct archive_picture *picture = archive->pictures->pdata[i];
-        gsize size;
-        const guint8 *bytes = g_bytes_get_data(picture->png, &size);
-        g_autofree char *base64 = g_base64_encode(bytes, size);
-        add(to,
-            "<figure><img alt=\"%s\" src=\"data:image/png;base64,%s\"><figcaption>%s</figcaption>"
-            "</figure>\n",
-            picture->caption, base64, picture->caption);
+        page_add_picture(to, picture->png, picture->caption);
     }
 }
 
@@ -170,11 +125,12 @@ static void add_calibration(GString *to, const struct archive *archive) {
     const struct calibration *calibration = archive->calibration;
     if (!calibration)
         return;
-    add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
-        archive->calibrated.where,
-        archive->calibrated.own ? ", as the session was captured"
-                                : ", given to mesorig process -c; the session was captured with "
-                                  "another");
+    page_add(to, "<h2>Calibration</h2>\n<p>The products were made with: %s%s.</p>\n",
+             archive->calibrated.where,
+             archive->calibrated.own
+                 ? ", as the session was captured"
+                 : ", given to mesorig process -c; the session was captured with "
+                   "another");
     g_string_append(to, "<div class=\"wide\"><table><tr><th>part</th>"
                         "<th>date</th><th>method</th><th class=\"n\">pictures</th>"
                         "<th class=\"n\">rejected</th><th class=\"n\">residual</th></tr>\n");
@@ -182,13 +138,15 @@ static void add_calibration(GString *to, const struct archive *archive) {
         const struct calibration_part *part = &calibration->parts[i];
         const char *name = calibration_part_name((enum calibration_kind)i);
         if (part->done)
-            add(to,
+            page_add(
+                to,
                 "<tr><th>%s</th><td>%s</td><td>%s</td><td class=\"n\">%d</td><td class=\"n\">%u"
                 "</td><td class=\"n\">%.3g %s</td></tr>\n",
                 name, part->date, part->method, part->pictures, part->rejected->len,
                 part->residual_rms, part->residual_unit);
         else
-            add(to, "<tr><th>%s</th><td colspan=\"5\">not calibrated: nominal</td></tr>\n", name);
+            page_add(to, "<tr><th>%s</th><td colspan=\"5\">not calibrated: nominal</td></tr>\n",
+                     name);
     }
     g_string_append(to, "</table></div>\n");
 }
@@ -200,8 +158,8 @@ static void add_devices(GString *to, const struct archive *archive) {
                         "<tr><th>section</th><th>driver</th><th>device</th></tr>\n");
     for (guint i = 0; i < archive->devices->len; i++) {
         const struct archive_device *device = archive->devices->pdata[i];
-        add(to, "<tr><td>%s</td><td>%s</td><td>%s</td></tr>\n", device->section, device->driver,
-            device->address);
+        page_add(to, "<tr><td>%s</td><td>%s</td><td>%s</td></tr>\n", device->section,
+                 device->driver, device->address);
     }
     g_string_append(to, "</table></details>\n");
 }
@@ -214,13 +172,14 @@ static void add_events(GString *to, const struct archive *archive) {
         const char *verdict = g_str_equal(event->level, "error")     ? "failure"
                               : g_str_equal(event->level, "warning") ? "warning"
                                                                      : "faint";
-        add(to,
+        page_add(
+            to,
             "<tr><td class=\"n\">%.0f s</td><td class=\"%s\">%s</td><td>%s</td><td>%s</td></tr>\n",
             event->time_s, verdict, event->level, event->source, event->message);
     }
     g_string_append(to, "</table>\n");
     if (shown < archive->events->len)
-        add(to, "<p>… and %u more: mesorig info --json</p>\n", archive->events->len - shown);
+        page_add(to, "<p>… and %u more: mesorig info --json</p>\n", archive->events->len - shown);
     g_string_append(to, "</details>\n");
 }
 
@@ -238,26 +197,25 @@ static void add_products(GString *to, const struct archive *archive) {
             views++;
             view_bytes += product->bytes;
         } else if (shown++ < MAX_PRODUCTS) {
-            add(to, "<tr><td>%s</td><td class=\"n\">%s</td><td><code>%s</code></td></tr>\n",
-                product->path, size, product->sha256);
+            page_add(to, "<tr><td>%s</td><td class=\"n\">%s</td><td><code>%s</code></td></tr>\n",
+                     product->path, size, product->sha256);
         }
     }
     g_autofree char *size = size_text((double)view_bytes);
     if (views > 0)
-        add(to,
-            "<tr><td>products/btf, %d %s</td><td class=\"n\">%s</td><td class=\"faint\">in "
-            "session.db</td></tr>\n",
-            PLURAL(views, "view"), size);
+        page_add(to,
+                 "<tr><td>products/btf, %d %s</td><td class=\"n\">%s</td><td class=\"faint\">in "
+                 "session.db</td></tr>\n",
+                 PLURAL(views, "view"), size);
     g_string_append(to, "</table></div>\n");
 }
 
 char *archive_page(const struct archive *archive, const char *history) {
-    GString *to = g_string_new(NULL);
+    GString *to = page_begin(archive->name);
     const enum archive_verdict verdict = archive_verdict(archive);
     const char *name = archive_verdict_name(verdict);
-    add(to, head, archive->name);
-    add(to, "<h1>%s</h1>\n<p>%s <span class=\"%s\">%s</span></p>\n", archive->name,
-        "All checks together:", name, name);
+    page_add(to, "<h1>%s</h1>\n<p>%s <span class=\"%s\">%s</span></p>\n", archive->name,
+             "All checks together:", name, name);
     add_facts(to, archive);
     add_checks(to, archive);
     add_images(to, archive);
@@ -268,6 +226,5 @@ char *archive_page(const struct archive *archive, const char *history) {
     add_devices(to, archive);
     add_events(to, archive);
     add_products(to, archive);
-    g_string_append(to, "</body></html>\n");
-    return g_string_free(to, FALSE);
+    return page_end(to);
 }

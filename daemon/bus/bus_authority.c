@@ -26,6 +26,8 @@ static const struct {
     {"CloseRig", ACTION("administer"), FALSE},
     {"Validate", ACTION("look"), FALSE},
     {"GetThumbnail", ACTION("look"), FALSE},
+    {"BeginRecording", ACTION("administer"), FALSE},
+    {"EndRecording", ACTION("administer"), FALSE},
     {"Snap", ACTION("look"), FALSE},
     {"Start", ACTION("capture"), TRUE}, /* with another calibration, the action is "calibrate" */
     {"Resume", ACTION("capture"), TRUE},

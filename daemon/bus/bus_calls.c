@@ -2,6 +2,13 @@
 #include "bus_private.h"
 #include "bus_safety.h"
 
+#include "drivers/recording.h"
+
+#include <gio/gunixfdlist.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
 /* Answers a failed method call with an error. Takes ownership of the error. */
 static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
@@ -158,6 +165,41 @@ static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocat
     return TRUE;
 }
 
+static gboolean on_begin_recording(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    recording_begin();
+    bus_rig1_complete_begin_recording(object, invocation);
+    return TRUE;
+}
+
+/* Sends the text as a file without a name, because a message bus limits the size of messages. */
+static gboolean on_end_recording(BusRig1 *object, GDBusMethodInvocation *invocation,
+                                 GUnixFDList *list, Bus *bus) {
+    g_autofree char *text = recording_end();
+    g_autoptr(GUnixFDList) files = g_unix_fd_list_new();
+    GError *error = NULL;
+    if (!text) {
+        g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
+                    "nothing is being recorded: call BeginRecording first");
+        return refuse(invocation, error);
+    }
+    const gsize n = strlen(text);
+    const int fd = memfd_create("mesorig-recording", MFD_CLOEXEC);
+    const gboolean written = fd >= 0 && write(fd, text, n) == (gssize)n;
+    const int index = written ? g_unix_fd_list_append(files, fd, &error) : -1;
+    if (fd >= 0)
+        close(fd);
+    if (index < 0) {
+        if (!error)
+            g_set_error(&error, BUS_ERROR, BUS_ERROR_LIMIT,
+                        "mesorigd has no memory for a recording of %zu bytes: end other programs "
+                        "on its computer",
+                        n);
+        return refuse(invocation, error);
+    }
+    bus_rig1_complete_end_recording(object, invocation, files, g_variant_new_handle(index));
+    return TRUE;
+}
+
 static gboolean on_snap(BusRig1 *object, GDBusMethodInvocation *invocation, GUnixFDList *list,
                         const char *camera, gint64 exposure_us, double gain_db, Bus *bus) {
     bus_hands_snap(&bus->hands, invocation, camera, exposure_us, gain_db);
@@ -229,6 +271,8 @@ void bus_answer_calls(Bus *bus) {
         {"handle-queue-pause", G_CALLBACK(on_queue_pause)},
         {"handle-queue-resume", G_CALLBACK(on_queue_resume)},
         {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
+        {"handle-begin-recording", G_CALLBACK(on_begin_recording)},
+        {"handle-end-recording", G_CALLBACK(on_end_recording)},
         {"handle-snap", G_CALLBACK(on_snap)},
         {"handle-set-lamp", G_CALLBACK(on_set_lamp)},
         {"handle-set-laser", G_CALLBACK(on_set_laser)},

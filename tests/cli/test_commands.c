@@ -174,6 +174,8 @@ static const struct writer {
     {"plan", ".svg", "NONE NONE --curve OUT --offline"},
     {"report", ".html", "NONE -o OUT"},
     {"snap", ".png", "cam -o OUT"},
+    {"test", ".html", "--report OUT"},
+    {"test", ".rec", "--record OUT"},
     {"synthesize", ".exr", "NONE -o OUT"},
     {"../mesorig-compress-mpi", ".exr", "NONE -o OUT"},
     {"../mesorig-rig", ".conf", "--virtual NONE -o OUT"},

@@ -114,6 +114,8 @@ static const struct call_case {
     {"home", "turntable"},
     {"move", "turntable 12.5"},
     {"test", ""},
+    {"test", "--report test.html", AGAIN_OWN},
+    {"test", "--record test.rec", AGAIN_OWN},
     {"queue list", ""},
     {"queue pause", ""},
     {"queue add", "session.conf -o queued.session --yes"},

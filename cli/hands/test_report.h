@@ -1,0 +1,62 @@
+/* What `mesorig test` has found, and its report: a page that a stranger can mail. Main thread. */
+#pragma once
+
+#include "drivers/frame.h"
+#include "picture_report.h"
+
+/* A move of an axis. */
+struct test_move {
+    double target_deg, reached_deg, seconds;
+    gboolean homes; /* the target is the reference of the axis */
+};
+
+/* The test of a device. */
+struct test_result {
+    char *class_name, *name, *driver;
+    gboolean good;
+    char *said; /* a sentence with figures, or the error and what to do */
+    double seconds;
+    GArray *moves; /* of struct test_move; of an axis */
+    /* Of a light: times until the device has confirmed "on" and "off", NAN if it has not. rise_dn
+     * is what the cameras have seen, NAN if there was none. */
+    double on_s, off_s, rise_dn;
+    const char *confirmed; /* what a confirmed command means; static */
+};
+
+/* A picture of a camera. */
+struct test_picture {
+    char *camera, *light; /* light that was on, or NULL */
+    Frame *frame;
+    struct picture_report report;
+    double noise_dn; /* RMS of a pixel in the dark, from two pictures; NAN if it is not known */
+};
+
+struct test_report {
+    char *rig;           /* id of the rig */
+    GPtrArray *results;  /* of struct test_result */
+    GPtrArray *pictures; /* of struct test_picture */
+    char *recording;     /* text of the recording */
+    gboolean failed;     /* the rig could not be opened; the recording says why */
+};
+
+void test_report_init(struct test_report *report);
+void test_report_clear(struct test_report *report);
+
+/* Adds the result of a device, to be filled. Copies the names. The report owns it. */
+struct test_result *test_report_add(struct test_report *report, const char *class_name,
+                                    const char *name, const char *driver);
+
+/* Adds a picture, or replaces that of its camera. Refers to the frame. */
+struct test_picture *test_report_add_picture(struct test_report *report, const char *camera,
+                                             const char *light, Frame *frame);
+
+/* Returns the RMS noise of a pixel of two pictures of the same scene: the deviation of their
+ * difference, divided by √2. Returns NAN if their sizes differ. */
+double test_noise_dn(const Frame *a, const Frame *b);
+
+/* Removes the paths and addresses of the devices from what was said. rig is the path of the rig
+ * file. */
+void test_report_hide_places(struct test_report *report, const char *rig);
+
+/* Returns the page (common/page.h), which has no path, no host name and no address; g_free(). */
+char *test_report_page(const struct test_report *report);
