@@ -410,6 +410,20 @@ TEST(differs__less) {
     expect(text, ": expected “07 05 00 08 ff 00”, but nothing came");
 }
 
+/* A command must come as often as in the recording, also the same one again. */
+TEST(differs__repeated) {
+    g_autofree char *text = with("modbus-relays", "[lamps bank] = lamps off\n",
+                                 "[lamps bank] = lamps off\n1 @1 > 07 0f 00 04 00 03 01 00\n"
+                                 "1 @1 < 07 0f 00 04 00 03\n");
+    expect(text, ": expected “07 0f 00 04 00 03 01 00”, but nothing came");
+}
+
+TEST(differs__again) {
+    g_autofree char *text = with("modbus-relays", "[lamps bank] close\n", "[lamps bank] close\n#");
+    *strrchr(text, '#') = 0; /* what follows */
+    expect(text, "the recording has ended, but the program sent “07 0f 00 04 00 03 01 00”");
+}
+
 /* The driver believes what the device says. A lamp that reads back as off was not lit, so the
  * driver does something else than in the recording. */
 TEST(differs__answer) {
