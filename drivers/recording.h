@@ -28,8 +28,8 @@ static inline gboolean recording_is_on(void) {
 }
 
 /* The bus of a message. kind is the way of its messages: "serial", "modbus", "udp", "http",
- * "program", "usb" or "v4l2". address is its place on this computer or in the network; the text has
- * a number instead. */
+ * "program", "usb", "v4l2" or "genicam". address is its place on this computer or in the network;
+ * the text has a number instead. */
 struct recording_bus {
     const char *kind, *address;
 };

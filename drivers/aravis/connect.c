@@ -1,6 +1,7 @@
 #include "connect.h"
 
 #include "drivers/device.h"
+#include "registers.h"
 
 #include <arpa/inet.h>
 #include <poll.h>
@@ -225,8 +226,10 @@ ArvDevice *aravis_connect(const char *id, double control_s, Lock **ret_lock, GEr
         ArvDevice *device = NULL;
         if (*ret_lock || lock_camera(name, gige, ret_lock, &why))
             device = gige ? open_gige(name, &why) : open_usb(name, &why);
-        if (device)
+        if (device) {
+            aravis_registers_record(device, name);
             return device;
+        }
         if (why->code != DEVICE_ERROR_BUSY || g_get_monotonic_time() > until) {
             g_clear_pointer(ret_lock, lock_release);
             g_propagate_error(error, g_steal_pointer(&why));

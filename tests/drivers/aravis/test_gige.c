@@ -1,3 +1,4 @@
+#include "drivers/recording.h"
 #include "lib/camera_open.h"
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
@@ -45,6 +46,32 @@ TEST(settings) {
     virtual_gige_state(eye.device, &state);
     eye_check_settings(&state);
     eye_end(&eye, NULL);
+}
+
+/* A recording has the registers that the driver has set, and no address of the network. */
+TEST(recorded) {
+    struct eye eye = {.device = painter(CFA_GRBG)};
+    struct virtual_camera_state state;
+    recording_begin();
+    ok(eye_open(&eye, EYE_PART "black_level_dn = 70\n", ERR));
+    eye_check_part(&eye);
+    virtual_gige_state(eye.device, &state);
+    g_autofree char *address = g_strdup(virtual_gige_address(eye.device));
+    eye_end(&eye, NULL);
+    g_autofree char *text = recording_end();
+    g_assert_nonnull(strstr(text, "\n@1 = genicam\n"));
+    /* The exposure of eye_check_part(), as the camera has it. */
+    g_autofree char *exposure =
+        g_strdup_printf(" 4.n\"\n *[0-9]+ @1 > 00 00 %02x %02x\n",
+                        (guint)state.exposure_us >> 8 & 255, (guint)state.exposure_us & 255);
+    g_assert_true(g_regex_match_simple(exposure, text, 0, 0));
+    g_assert_true(g_regex_match_simple(
+        "write 0xd18 4.n\"\n *[0-9]+ @1 - \"4 bytes, not recorded\"\n", text, 0, 0));
+    g_assert_null(strstr(text, address));
+    g_assert_null(strstr(text, "7f 00 00 01"));
+    g_assert_nonnull(strstr(text, "] = frame of 32 x 16 pixels, 12 bits, grbg\n"));
+    /* Without a recording, nothing is kept. */
+    g_assert_null(recording_end());
 }
 
 /* As large as gets through, which is found out. */
