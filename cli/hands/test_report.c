@@ -174,15 +174,15 @@ static void add_checks(GString *to, const struct test_report *report) {
     if (report->results->len == 0)
         return;
     g_string_append(to, "<h2>Checks</h2>\n<div class=\"wide\"><table><tr><th>result</th>"
-                        "<th>device</th><th>driver</th><th class=\"n\">s</th><th>found</th>"
-                        "</tr>\n");
+                        "<th>device</th><th style=\"min-width:12em\">found</th>"
+                        "<th class=\"n\">s</th><th>driver</th></tr>\n");
     for (guint i = 0; i < report->results->len; i++) {
         const struct test_result *result = report->results->pdata[i];
         g_string_append(to, "<tr>");
         add_verdict(to, result->good);
-        page_add(to, "<th>%s %s</th><td>%s</td>", result->class_name, result->name, result->driver);
+        page_add(to, "<th>%s %s</th><td>%s</td>", result->class_name, result->name, result->said);
         add_number(to, "%.1f", result->seconds);
-        page_add(to, "<td>%s</td></tr>\n", result->said);
+        page_add(to, "<td>%s</td></tr>\n", result->driver);
     }
     g_string_append(to, "</table></div>\n");
 }

@@ -123,6 +123,52 @@ static void assert_item(const char *page, const char *macro, const char *name) {
         g_error("session(5) does not describe %s", name);
 }
 
+/* Returns the section of a page with this anchor, up to the next one; g_free(). */
+static char *section_of(const char *page, const char *anchor) {
+    for (const char *at = page; (at = strstr(at, "\n## ")); at++) {
+        g_autofree char *heading = g_strndup(at + 4, strcspn(at + 4, "\n"));
+        g_autofree char *lower = g_ascii_strdown(heading, -1);
+        g_autofree char *slug = g_strdelimit(g_strdup(lower), " ", '-');
+        const char *end = strstr(at + 1, "\n## ");
+        if (strcmp(slug + 1, anchor) == 0 || strcmp(slug, anchor) == 0)
+            return end ? g_strndup(at, (gsize)(end - at)) : g_strdup(at);
+    }
+    g_error("devices.md has no section #%s", anchor);
+}
+
+/* docs/build-a-rig/devices.md has a section for every driver, with the same headings in each, and
+ * names every recording. */
+TEST(devices) {
+    static const char *const headings[] = {"\n### Devices known\n", "\n### Wiring\n",
+                                           "\n### Options\n", "\n### What was tested\n",
+                                           "\n### Check first\n"};
+    g_autofree char *page = NULL;
+    const struct driver_info *info;
+    ok(g_file_get_contents(SOURCE_DIR "/docs/build-a-rig/devices.md", &page, NULL, ERR));
+    for (gsize i = 0; (info = devices_driver(i)); i++) {
+        if (g_str_has_prefix(info->name, "sim-"))
+            continue;
+        g_autofree char *pattern =
+            g_strdup_printf("^\\|.*`%s`.*\\(#([a-z0-9-]+)\\) \\|$", info->name);
+        g_autoptr(GRegex) row = g_regex_new(pattern, G_REGEX_MULTILINE, 0, NULL);
+        g_autoptr(GMatchInfo) match = NULL;
+        if (!g_regex_match(row, page, 0, &match))
+            g_error("the table of devices.md does not have %s", info->name);
+        g_autofree char *anchor = g_match_info_fetch(match, 1);
+        g_autofree char *section = section_of(page, anchor);
+        const char *at = section;
+        for (gsize k = 0; k < G_N_ELEMENTS(headings); k++)
+            if (!(at = strstr(at, headings[k])))
+                g_error("#%s lacks%sor has it too early", anchor, headings[k]);
+    }
+    g_autoptr(GDir) folder = ok(g_dir_open(SOURCE_DIR "/tests/recordings", 0, ERR));
+    for (const char *name; (name = g_dir_read_name(folder));) {
+        g_autofree char *quoted = g_strdup_printf("`%s`", name);
+        if (g_str_has_suffix(name, ".rec"))
+            assert_has(page, quoted);
+    }
+}
+
 /* What a session has, and what the page has: every value's key and every file. */
 TEST(session) {
     static const struct {
