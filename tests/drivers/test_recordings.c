@@ -6,6 +6,7 @@
 #include "lib/ok.h"
 #include "lib/program_model.h"
 #include "lib/remove_tree.h"
+#include "lib/replaying.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "lib/wait.h"
@@ -27,128 +28,6 @@
 #define FOLDER SOURCE_DIR "/tests/recordings"
 
 static Clock *clock_real;
-
-/* Returns the device of a name, and its place in the table. */
-struct opened {
-    DeviceByText *device;
-    int n_awaited; /* results that the recording has so far */
-};
-
-static void opened_free(gpointer data) {
-    struct opened *opened = data;
-    device_by_text_close(opened->device);
-    g_free(opened);
-}
-
-/* Does the calls of a recording, each as soon as the requests before it have come. Returns the
- * first difference, or NULL; g_free(). */
-static char *follow(const Recorded *recorded, Replay *replay, const Config *config) {
-    g_autoptr(GHashTable) devices =
-        g_hash_table_new_full(g_str_hash, g_str_equal, NULL, opened_free);
-    char *why = NULL;
-    for (guint i = 0; i < recorded->lines->len; i++) {
-        const struct recorded_line *line = recorded->lines->pdata[i];
-        if (!line->who)
-            continue;
-        g_auto(GStrv) words = g_strsplit(line->who, " ", 2);
-        const struct config_section *section = config_find(config, words[0], words[1]);
-        if (!section || !device_by_text_can(section))
-            continue; /* a camera */
-        struct opened *opened = g_hash_table_lookup(devices, line->who);
-        if (*line->text == '=') {
-            /* An interlock reports what it reads, without a call. */
-            if (!opened || strcmp(words[0], "interlock") == 0 ||
-                g_str_has_prefix(line->text, "= opened"))
-                continue;
-            opened->n_awaited++;
-            UNTIL_WITHIN (20, device_by_text_results(opened->device) >= opened->n_awaited) {
-                if ((why = replay_difference(replay)))
-                    return why;
-                wait_ms(5);
-            }
-            continue;
-        }
-        UNTIL_WITHIN (20, replay_is_at(replay, line->number)) {
-            if ((why = replay_difference(replay)) ||
-                (g_get_monotonic_time() > wait_begun_us + 5 * G_USEC_PER_SEC &&
-                 (why = replay_missing(replay))))
-                return why;
-            wait_ms(5);
-        }
-        if (strcmp(line->text, "open") == 0) {
-            g_autoptr(GError) failed = NULL;
-            DeviceByText *device = device_by_text_open(section, clock_real, &failed);
-            if ((why = replay_difference(replay)))
-                return device_by_text_close(device), why;
-            if (!device)
-                continue;
-            opened = g_new0(struct opened, 1);
-            opened->device = device;
-            g_hash_table_insert(devices, line->who, opened);
-        } else if (!opened) {
-            g_error("%s:%d: the device is not open", recorded->path, line->number);
-        } else if (strcmp(line->text, "close") == 0) {
-            g_hash_table_remove(devices, line->who);
-        } else {
-            device_by_text_call(opened->device, line->text);
-        }
-    }
-    /* What was sent last may be on its way. */
-    for (int i = 0; i < 200 && !replay_is_at(replay, G_MAXINT); i++)
-        g_usleep(10000);
-    why = replay_difference(replay);
-    return why ? why : replay_missing(replay);
-}
-
-/* Appends the lines of a device, without times and without the words of errors. */
-static void add_lines(GString *to, const Recorded *recorded, const char *who) {
-    for (guint i = 0; i < recorded->lines->len; i++) {
-        const struct recorded_line *line = recorded->lines->pdata[i];
-        if (g_strcmp0(line->who, who) != 0)
-            continue;
-        const char *colon = *line->text == '=' ? strchr(line->text, ':') : NULL;
-        g_string_append_printf(to, "[%s] %.*s\n", who,
-                               colon ? (int)(colon - line->text) : (int)strlen(line->text),
-                               line->text);
-    }
-}
-
-/* Returns the lines of the devices that were replayed, one device after another. */
-static char *of_devices(const Recorded *recorded, const Config *config) {
-    GString *to = g_string_new(NULL);
-    gsize n;
-    const struct config_section *sections = config_sections(config, &n);
-    for (gsize i = 0; i < n; i++)
-        if (device_by_text_can(&sections[i]))
-            add_lines(to, recorded, sections[i].group);
-    return g_string_free(to, FALSE);
-}
-
-/* Replays a recording. Returns the first difference, or NULL; g_free(). The devices must also do
- * and report what they did and reported in the recording. */
-static char *replay(const Recorded *recorded) {
-    g_autoptr(Replay) replay = ok(replay_new(recorded, FOLDER "/pipe.py", ERR));
-    g_autoptr(Config) config = ok(config_parse(replay_sections(replay), "./replay.conf", ERR));
-    recording_begin();
-    char *why = follow(recorded, replay, config);
-    g_autofree char *now = recording_end();
-    if (why)
-        return why;
-    g_autoptr(Recorded) again = ok(recorded_parse(now, "now", ERR));
-    g_autofree char *expected = of_devices(recorded, config);
-    g_autofree char *seen = of_devices(again, config);
-    return strcmp(expected, seen) == 0
-               ? NULL
-               : g_strdup_printf("%s: expected of the devices:\n%sbut they did:\n%s",
-                                 recorded->path, expected, seen);
-}
-
-static void replay_well(const char *text, const char *path) {
-    g_autoptr(Recorded) recorded = ok(recorded_parse(text, path, ERR));
-    g_autofree char *why = replay(recorded);
-    if (why)
-        g_error("%s", why);
-}
 
 /* Changes a byte of a request that the recording has once, about in the middle of those. The byte
  * is not part of a number or check sum that a replay ignores. Returns the line. */
@@ -191,7 +70,7 @@ static int change_request(const Recorded *recorded) {
 /* Replays a recording that the driver does not follow. The driver may warn. */
 static char *replay_wrong(const Recorded *recorded) {
     const GLogLevelFlags fatal = g_log_set_always_fatal(G_LOG_LEVEL_ERROR | G_LOG_LEVEL_CRITICAL);
-    char *why = replay(recorded);
+    char *why = replaying(recorded);
     g_log_set_always_fatal(fatal);
     return why;
 }
@@ -209,7 +88,7 @@ static void notice(gconstpointer path) {
 
 static void replay_file(gconstpointer path) {
     g_autofree char *text = text_file_read(path);
-    replay_well(text, path);
+    replaying_well(text, path);
 }
 
 /* Opens a device, does some calls one after another, and closes it. Returns the recording. */
@@ -243,7 +122,7 @@ static void replay_model(const char *name, const char *made) {
         g_autofree char *file = g_strdup_printf("%s.rec", name);
         text_file_write(folder, file, text->str);
     }
-    replay_well(text->str, name);
+    replaying_well(text->str, name);
 }
 
 static void record_and_replay(const char *name, const char *sections, const char *const *calls) {
@@ -436,9 +315,9 @@ TEST(differs__answer) {
 /* Levels that do not change may be sent more often or less often. */
 TEST(no_news) {
     g_autofree char *less = with("artnet-lamps", LIT, LIT "1 @1 " LIT "2 @1 " LIT);
-    replay_well(less, "less");
+    replaying_well(less, "less");
     g_autofree char *more = with("artnet-lamps", LIT, "- \"left out\"\n");
-    replay_well(more, "more");
+    replaying_well(more, "more");
 }
 
 TEST(mistakes) {

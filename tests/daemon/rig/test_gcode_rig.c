@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/replaying.h"
 #include "lib/rig_daemon.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
@@ -12,6 +13,7 @@
 
 #include <math.h>
 #include <signal.h>
+#include <string.h>
 
 #define SMALL SOURCE_DIR "/tests/small/"
 
@@ -77,6 +79,47 @@ TEST(operator) {
     g_assert_cmpfloat(fabs(state_of(&bench).at[1] - 30), <, 0.002);
     g_autofree char *status = process_mesorig(0, "status --address %s", bench.run.address);
     assert_has(status, "gcode-axis");
+    end(&bench);
+}
+
+/* What the board has said to two axes in a test by the operator can be replayed. The rig stays open
+ * for others. */
+TEST(recorded) {
+    TEMPORARY_FOLDER(folder);
+    struct bench bench;
+    begin(&bench, folder, TRUE);
+    g_autofree char *path = g_build_filename(folder, "board.rec", NULL);
+    g_autofree char *page = g_build_filename(folder, "board.html", NULL);
+    g_free(process_mesorig(0, "test --address %s --record %s --report %s", bench.run.address, path,
+                           page));
+    g_autofree char *status = process_mesorig(0, "status --address %s", bench.run.address);
+    assert_has(status, "gcode-axis");
+    end(&bench);
+    g_autofree char *text = text_file_read(path), *html = text_file_read(page);
+    assert_has(text, "\n@1 = serial\n");
+    assert_has(text, "[axis arc] move to 5.0000\n");
+    g_assert_null(strstr(text, folder));
+    g_assert_null(strstr(html, folder));
+    assert_has(html, "<h1>Test of the rig board</h1>");
+    replaying_well(text, path);
+}
+
+/* A board that answers nothing: the command fails, and its files say what happened. */
+TEST(recorded__silence) {
+    TEMPORARY_FOLDER(folder);
+    struct bench bench;
+    const struct virtual_gcode_faults silent = {.silent = TRUE};
+    begin(&bench, folder, FALSE);
+    g_free(process_mesorig(0, "close --address %s", bench.run.address));
+    virtual_gcode_fail(bench.board, &silent);
+    g_autofree char *path = g_build_filename(folder, "board.rec", NULL);
+    g_autofree char *page = g_build_filename(folder, "board.html", NULL);
+    g_free(process_mesorig(1, "test --address %s --rig %s --record %s --report %s",
+                           bench.run.address, bench.run.rig, path, page));
+    g_autofree char *text = text_file_read(path), *html = text_file_read(page);
+    assert_has(text, "[axis turntable] = failed: axis turntable: @1: the board has not answered");
+    assert_has(html, "<span class=\"failure\">failure</span>");
+    assert_has(html, "<th>axis turntable</th><td>axis turntable: @1: the board has not answered");
     end(&bench);
 }
 
