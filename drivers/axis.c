@@ -413,6 +413,7 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
             "it cannot turn by %g° at %g°/s: the angle and the speed must be above 0, "
             "and the speed at most speed_deg_s = %g",
             by_deg, speed_deg_s, motion->speed_deg_s);
+    recording_device(axis->device.who, "turn by %.4f at %.4f", by_deg, speed_deg_s);
     state->activity = MOVING;
     state->turning = TRUE;
     state->another_leg = FALSE;

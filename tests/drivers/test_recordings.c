@@ -154,7 +154,10 @@ TEST(grbl) {
     with.resets_on_open = TRUE;
     g_autoptr(VirtualGcode) model = ok(virtual_gcode_new(&with, ERR));
     g_autofree char *section = gcode_section(model, "grbl");
-    record_and_replay("gcode-axis-grbl", section, moves);
+    static const char *const turns[] = {"home",           "move to 5.0000",
+                                        "move to 2.0000", "turn by 12.0000 at 15.0000",
+                                        "move to 0.0000", NULL};
+    record_and_replay("gcode-axis-grbl", section, turns);
 }
 
 TEST(marlin) {

@@ -9,6 +9,7 @@
 #include "usb/relays.h"
 #include "usb/tic.h"
 
+#include <stdio.h>
 #include <string.h>
 
 struct DeviceByText {
@@ -91,10 +92,13 @@ void device_by_text_close(DeviceByText *device) {
 
 void device_by_text_call(DeviceByText *device, const char *words) {
     const gboolean on = g_str_has_suffix(words, "on");
+    double by_deg, speed_deg_s;
     if (device->axis && strcmp(words, "home") == 0)
         ok(axis_home(device->axis, ERR));
     else if (device->axis && g_str_has_prefix(words, "move to "))
         ok(axis_move(device->axis, g_ascii_strtod(words + 8, NULL), ERR));
+    else if (device->axis && sscanf(words, "turn by %lf at %lf", &by_deg, &speed_deg_s) == 2)
+        ok(axis_turn(device->axis, by_deg, speed_deg_s, ERR));
     else if (device->axis && strcmp(words, "stop") == 0)
         ok(axis_halt(device->axis, ERR));
     else if (device->bank && strcmp(words, "lamps off") == 0)

@@ -20,8 +20,8 @@
 #define MAX_REQUEST 65536
 #define GREETING_MS 100 /* after the port was opened; a driver drops what came before that */
 #define MBAP_SIZE   6   /* of the head of Modbus TCP, before the unit */
-#define DEVICE      1   /* numbers of addresses (virtual_dmx_address()) */
-#define COMPUTER    0
+#define COMPUTER    0   /* number of its address (virtual_dmx_address()); devices have 1 to 7 */
+#define MAX_DEVICES 7
 
 struct bus {
     Replay *replay;
@@ -313,15 +313,34 @@ static int tcp_port(int fd) {
     return ntohs(address.sin_port);
 }
 
-static gboolean open_udp(struct bus *bus) {
-    const char *sections = bus->replay->recorded->sections;
+/* Returns the port of the device of a bus: that of Art-Net, sACN or WLED, by its first message. */
+static guint16 udp_port(const Recorded *recorded, int number) {
+    for (guint i = 0; i < recorded->lines->len; i++) {
+        const struct recorded_line *line = recorded->lines->pdata[i];
+        gsize n;
+        if (line->bus != number || line->way != '>')
+            continue;
+        const guint8 *bytes = g_bytes_get_data(line->bytes, &n);
+        return n > 8 && memcmp(bytes, "Art-Net", 8) == 0 ? 6454 : n > 600 ? 5568 : 21324;
+    }
+    return 6454;
+}
+
+/* Returns the address of a device in the network. WLED has two buses at one address, so a recording
+ * with WLED has one device. */
+static const char *address_of(const Recorded *recorded, int number) {
+    gboolean http = FALSE;
+    for (guint i = 0; i < recorded->kinds->len; i++)
+        http |= strcmp(recorded->kinds->pdata[i], "http") == 0;
+    return virtual_dmx_address(http ? 1 : (number - 1) % MAX_DEVICES + 1);
+}
+
+static gboolean open_udp(struct bus *bus, int number) {
     const int yes = 1;
-    const guint16 port = strstr(sections, "artnet-lamps") ? 6454
-                         : strstr(sections, "sacn-lamps") ? 5568
-                                                          : 21324;
-    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons(port)};
-    inet_pton(AF_INET, virtual_dmx_address(DEVICE), &address.sin_addr);
-    bus->place = g_strdup(virtual_dmx_address(DEVICE));
+    struct sockaddr_in address = {.sin_family = AF_INET,
+                                  .sin_port = htons(udp_port(bus->replay->recorded, number))};
+    bus->place = g_strdup(address_of(bus->replay->recorded, number));
+    inet_pton(AF_INET, bus->place, &address.sin_addr);
     bus->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     return bus->fd >= 0 && setsockopt(bus->fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
            bind(bus->fd, (const struct sockaddr *)&address, sizeof address) == 0;
@@ -359,12 +378,12 @@ static gboolean bus_open(struct bus *bus, int number, GError **error) {
     if (strcmp(kind, "serial") == 0) {
         opened = open_terminal(bus, number);
     } else if (strcmp(kind, "udp") == 0) {
-        opened = open_udp(bus);
+        opened = open_udp(bus, number);
     } else if (strcmp(kind, "program") == 0) {
         opened = open_socket(bus, number);
     } else if (strcmp(kind, "http") == 0) {
-        opened = open_tcp(bus, virtual_dmx_address(DEVICE));
-        bus->place = g_strdup(virtual_dmx_address(DEVICE));
+        bus->place = g_strdup(address_of(bus->replay->recorded, number));
+        opened = open_tcp(bus, bus->place);
         bus->http_port = tcp_port(bus->listens);
     } else if (strcmp(kind, "modbus") == 0) {
         opened = open_tcp(bus, "127.0.0.1");
