@@ -5,9 +5,10 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-#define MAX_SIZE (32 << 20) /* of the messages */
-#define MIN_RUN  8          /* equal bytes that are written as one, with their number */
-#define MIN_HIDE 4
+#define MAX_SIZE  (32 << 20) /* of the messages */
+#define MIN_RUN   8          /* equal bytes that are written as one, with their number */
+#define MIN_HIDE  4
+#define MIN_BYTES 3
 
 struct bus {
     char *kind, *address;
@@ -105,7 +106,8 @@ static void add_hex(const guint8 *bytes, gsize n) {
     for (gsize i = 0; i < n; i += run) {
         for (run = 1; i + run < n && bytes[i + run] == bytes[i];)
             run++;
-        if (run < MIN_RUN)
+        /* Other bytes may be part of a text that is hidden. */
+        if (run < MIN_RUN || (bytes[i] != 0 && bytes[i] != 0xff))
             run = 1;
         g_string_append_printf(recording.lines, "%s%02x", i ? " " : "", bytes[i]);
         if (run > 1)
@@ -272,7 +274,12 @@ void recording_hide(const char *text, const char *instead) {
 void recording_hide_bytes(const guint8 *bytes, gsize n) {
     static const guint8 zeros[64] = {0};
     g_return_if_fail(n <= sizeof zeros);
-    if (!recording_is_on() || n == 0 || memcmp(bytes, zeros, n) == 0 || !take())
+    /* Zeros at the ends may be written together with others. They become zeros anyway. */
+    for (; n > 0 && bytes[0] == 0; n--)
+        bytes++;
+    while (n > 0 && bytes[n - 1] == 0)
+        n--;
+    if (!recording_is_on() || n < MIN_BYTES || !take())
         return;
     g_autofree char *from = hex_of(bytes, n, FALSE), *to = hex_of(zeros, n, FALSE);
     hide(from, to);

@@ -63,5 +63,5 @@ void recording_device(const char *who, const char *format, ...) G_GNUC_PRINTF(2,
 void recording_hide(const char *text, const char *instead);
 
 /* Replaces n bytes of binary messages by 0, such as the address of a network interface. n is at
- * most 64. */
+ * most 64. Less than 3 bytes, without zeros at the ends, are kept. */
 void recording_hide_bytes(const guint8 *bytes, gsize n);

@@ -85,7 +85,10 @@ static void say(VirtualDmx *node, const struct sockaddr_in *to, const guint8 *by
 static void reply(VirtualDmx *node, const struct sockaddr_in *to, int first, int n, int page) {
     guint8 packet[239] = "Art-Net";
     const int universe = node->options.universe + first + (node->faults.other ? 8 : 0);
+    static const guint8 mac[6] = {0x02, 0x1b, 0xc5, 0x47, 0x11, 0x08};
     packet[9] = 0x21;
+    inet_pton(AF_INET, node->options.address, packet + 10);
+    memcpy(packet + 201, mac, sizeof mac);
     packet[14] = 0x36; /* port 0x1936, low byte first */
     packet[15] = 0x19;
     packet[18] = (guint8)(universe >> 8);

@@ -12,6 +12,7 @@
 #define DNRGB    4
 
 struct VirtualWled {
+    char *address;
     int n, fd, port;
     GThread *thread;
     GMainContext *context;
@@ -116,12 +117,15 @@ static void on_request(SoupServer *server, SoupServerMessage *message, const cha
         wled->faults.garbage
             ? g_strdup("<html>no JSON</html>")
             : g_strdup_printf("{\"state\":{\"on\":%s,\"bri\":%d},\"info\":{\"ver\":\"0.14.4\","
-                              "\"leds\":{\"count\":%d},\"live\":%s,\"lm\":\"%s\",\"lip\":\"%s\"}}",
+                              "\"leds\":{\"count\":%d},\"live\":%s,\"lm\":\"%s\",\"lip\":\"%s\","
+                              "\"name\":\"Virtual WLED\",\"mac\":\"021bc5471109\",\"ip\":\"%s\","
+                              "\"wifi\":{\"bssid\":\"02:1B:C5:47:11:0A\"}}}",
                               wled->state.on ? "true" : "false", wled->last_brightness, wled->n,
                               wled->state.live ? "true" : "false", wled->state.live ? "UDP" : "",
                               !wled->state.live    ? ""
                               : wled->faults.other ? "10.9.8.7"
-                                                   : wled->from);
+                                                   : wled->from,
+                              wled->address);
     const struct virtual_wled_faults faults = wled->faults;
     g_mutex_unlock(&wled->mutex);
     soup_server_message_set_status(message, faults.refuses ? 500 : 200, NULL);
@@ -167,6 +171,7 @@ static gboolean open_sockets(VirtualWled *wled, const char *address, GError **er
 VirtualWled *virtual_wled_new(const char *address, int n, GError **error) {
     VirtualWled *wled = g_new0(VirtualWled, 1);
     g_mutex_init(&wled->mutex);
+    wled->address = g_strdup(address);
     wled->n = n;
     wled->brightness = wled->last_brightness = 128;
     wled->context = g_main_context_new();
@@ -199,6 +204,7 @@ void virtual_wled_free(VirtualWled *wled) {
         close(wled->fd);
     g_main_context_unref(wled->context);
     g_mutex_clear(&wled->mutex);
+    g_free(wled->address);
     g_free(wled);
 }
 

@@ -75,6 +75,8 @@ TEST(strangers) {
 
 TEST(hidden) {
     static const guint8 mac[] = {0x00, 0x1b, 0xc5, 0x12, 0x34, 0x56};
+    static const guint8 reply[] = {0, 0, 0,    0,    0,    0,    0,    0,
+                                   0, 0, 0x00, 0x1b, 0xc5, 0x12, 0x34, 0x56};
     static const guint8 packet[] = {'S', 'N',  '4',  '7',  '1',  '1',  0xff, 'S', 0,
                                     'N', 0,    '4',  0,    '7',  0,    '1',  0,   '1',
                                     0,   0x00, 0x1b, 0xc5, 0x12, 0x34, 0x56};
@@ -89,6 +91,7 @@ TEST(hidden) {
                                             port.address, g_get_host_name());
     recording_text(port, RECORDING_RECEIVED, line, strlen(line));
     recording_bytes(port, RECORDING_RECEIVED, packet, sizeof packet);
+    recording_bytes(port, RECORDING_RECEIVED, reply, sizeof reply);
     recording_device("axis a", "= failed: 10.1.2.3 is no address");
     recording_hide("SN4711", NULL);
     recording_hide("7", NULL); /* too short: it could be part of anything */
@@ -103,6 +106,7 @@ TEST(hidden) {
     assert_has(text, "\n[axis a]\ndriver = gcode-axis\nport = @1\nletter = X\n"
                      "# serial = left out\nspeed_deg_s = 5\n# local_address = left out\n");
     assert_lacks(text, "10.1.2.3");
+    assert_has(text, " @1 < 00*11 00 00 00 00 00\n");
     assert_has(text, "\"{home} at @1 on ");
     assert_has(text, "has XXXXXX\\n\"");
     assert_has(text, "58 58 58 58 58 58 ff 58 00 58 00 58 00 58 00 58 00 58 00 00 00 00 00 00 00");

@@ -22,62 +22,114 @@ static void opened_free(gpointer data) {
 
 /* Does the calls of a recording, each as soon as the requests before it have come. Returns the
  * first difference, or NULL; g_free(). */
+struct following {
+    const Recorded *recorded;
+    Replay *replay;
+    Clock *clock;
+    GHashTable *devices; /* maps a name to a struct opened */
+    char *failure;       /* why the device that was opened last cannot be used */
+    gint64 at_us;        /* time of the last line of a device */
+};
+
+/* Returns how long a line may be waited for. A poll takes as long as in the recording. */
+static int limit_s(const struct following *following, const struct recorded_line *line) {
+    return 5 + (int)(3 * MAX(line->at_us - following->at_us, 0) / G_USEC_PER_SEC);
+}
+
+/* Waits for a result. Returns a difference, or NULL. */
+static char *await_result(const struct following *following, const struct recorded_line *line) {
+    struct opened *opened = g_hash_table_lookup(following->devices, line->who);
+    const gboolean is_opened = g_str_has_prefix(line->text, "= opened");
+    if (!opened && is_opened)
+        return g_strdup_printf("%s:%d: expected that the device is opened, but: %s",
+                               following->recorded->path, line->number, following->failure);
+    /* An interlock reports what it reads, without a call. */
+    if (!opened || is_opened || g_str_has_prefix(line->who, "interlock "))
+        return NULL;
+    opened->n_awaited++;
+    UNTIL_WITHIN (4 * limit_s(following, line),
+                  device_by_text_results(opened->device) >= opened->n_awaited) {
+        char *why = replay_difference(following->replay);
+        if (why)
+            return why;
+        wait_ms(5);
+    }
+    return NULL;
+}
+
+/* Waits for the requests before a call. Returns a difference, or NULL. */
+static char *await_requests(const struct following *following, const struct recorded_line *line) {
+    const gint64 late_us = g_get_monotonic_time() + limit_s(following, line) * G_USEC_PER_SEC;
+    while (!replay_is_at(following->replay, line->number)) {
+        char *why = replay_difference(following->replay);
+        if (!why && g_get_monotonic_time() > late_us)
+            why = replay_missing(following->replay);
+        if (why)
+            return why;
+        wait_ms(5);
+    }
+    return NULL;
+}
+
+/* Opens a device. Returns a difference, or NULL. */
+static char *open_device(struct following *following, const struct recorded_line *line,
+                         const struct config_section *section) {
+    g_autoptr(GError) error = NULL;
+    DeviceByText *device = device_by_text_open(section, following->clock, &error);
+    if (device) {
+        struct opened *opened = g_new0(struct opened, 1);
+        opened->device = device;
+        g_hash_table_insert(following->devices, line->who, opened);
+    } else {
+        g_free(following->failure);
+        following->failure = g_strdup(error->message);
+    }
+    return replay_difference(following->replay);
+}
+
+static char *do_line(struct following *following, const struct recorded_line *line,
+                     const struct config_section *section) {
+    if (*line->text == '=')
+        return await_result(following, line);
+    char *why = await_requests(following, line);
+    struct opened *opened = g_hash_table_lookup(following->devices, line->who);
+    if (why)
+        return why;
+    if (strcmp(line->text, "open") == 0)
+        return open_device(following, line, section);
+    if (!opened)
+        return g_strdup_printf("%s:%d: the device is not open", following->recorded->path,
+                               line->number);
+    if (strcmp(line->text, "close") == 0)
+        g_hash_table_remove(following->devices, line->who);
+    else
+        device_by_text_call(opened->device, line->text);
+    return NULL;
+}
+
+/* Does the calls of a recording. Returns the first difference, or NULL; g_free(). */
 static char *follow(const Recorded *recorded, Replay *replay, const Config *config, Clock *clock) {
-    g_autoptr(GHashTable) devices =
-        g_hash_table_new_full(g_str_hash, g_str_equal, NULL, opened_free);
+    struct following following = {
+        recorded, replay, clock, g_hash_table_new_full(g_str_hash, g_str_equal, NULL, opened_free)};
     char *why = NULL;
-    for (guint i = 0; i < recorded->lines->len; i++) {
+    for (guint i = 0; i < recorded->lines->len && !why; i++) {
         const struct recorded_line *line = recorded->lines->pdata[i];
         if (!line->who)
             continue;
         g_auto(GStrv) words = g_strsplit(line->who, " ", 2);
         const struct config_section *section = config_find(config, words[0], words[1]);
-        if (!section || !device_by_text_can(section))
-            continue; /* a camera */
-        struct opened *opened = g_hash_table_lookup(devices, line->who);
-        if (*line->text == '=') {
-            /* An interlock reports what it reads, without a call. */
-            if (!opened || strcmp(words[0], "interlock") == 0 ||
-                g_str_has_prefix(line->text, "= opened"))
-                continue;
-            opened->n_awaited++;
-            UNTIL_WITHIN (20, device_by_text_results(opened->device) >= opened->n_awaited) {
-                if ((why = replay_difference(replay)))
-                    return why;
-                wait_ms(5);
-            }
-            continue;
-        }
-        UNTIL_WITHIN (20, replay_is_at(replay, line->number)) {
-            if ((why = replay_difference(replay)) ||
-                (g_get_monotonic_time() > wait_begun_us + 5 * G_USEC_PER_SEC &&
-                 (why = replay_missing(replay))))
-                return why;
-            wait_ms(5);
-        }
-        if (strcmp(line->text, "open") == 0) {
-            g_autoptr(GError) failed = NULL;
-            DeviceByText *device = device_by_text_open(section, clock, &failed);
-            if ((why = replay_difference(replay)))
-                return device_by_text_close(device), why;
-            if (!device)
-                continue;
-            opened = g_new0(struct opened, 1);
-            opened->device = device;
-            g_hash_table_insert(devices, line->who, opened);
-        } else if (!opened) {
-            g_error("%s:%d: the device is not open", recorded->path, line->number);
-        } else if (strcmp(line->text, "close") == 0) {
-            g_hash_table_remove(devices, line->who);
-        } else {
-            device_by_text_call(opened->device, line->text);
-        }
+        if (section && device_by_text_can(section)) /* not a camera */
+            why = do_line(&following, line, section);
+        following.at_us = line->at_us;
     }
     /* What was sent last may be on its way. */
-    for (int i = 0; i < 200 && !replay_is_at(replay, G_MAXINT); i++)
+    for (int i = 0; i < 200 && !why && !replay_is_at(replay, G_MAXINT); i++)
         g_usleep(10000);
-    why = replay_difference(replay);
-    return why ? why : replay_missing(replay);
+    if (!why && !(why = replay_difference(replay)))
+        why = replay_missing(replay);
+    g_hash_table_unref(following.devices);
+    g_free(following.failure);
+    return why;
 }
 
 /* Appends the lines of a device, without times and without the words of errors. */

@@ -7,6 +7,7 @@
 
 #define MAX_MESSAGE (1 << 20)
 #define MAX_BUSES   64
+#define MAX_TIME_US (G_GUINT64_CONSTANT(1) << 50)
 
 static void line_free(gpointer data) {
     struct recorded_line *line = data;
@@ -115,7 +116,7 @@ static gboolean read_line(Recorded *in, int number, const char *text, GError **e
     struct recorded_line *line = g_new0(struct recorded_line, 1);
     line->number = number;
     g_ptr_array_add(in->lines, line);
-    g_ascii_strtoull(text, &end, 10);
+    line->at_us = (gint64)MIN(g_ascii_strtoull(text, &end, 10), MAX_TIME_US);
     return (end > text && *end == ' ') ? read_body(in, line, end + 1, error)
                                        : refuse(in, number, error, "a time in µs must begin it");
 }

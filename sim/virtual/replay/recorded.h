@@ -6,6 +6,7 @@
 
 struct recorded_line {
     int number; /* line of the file, from 1 on */
+    gint64 at_us;
     /* A message or a note: number of the bus, from 1 on, and '>' (to the device), '<' or '-' (note,
      * whose text is bytes). 0 and 0 for a line of a device. */
     int bus;
