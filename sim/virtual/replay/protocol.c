@@ -159,8 +159,10 @@ static char *stream_udp(const guint8 *key, gsize n, const char *sections) {
     return n > 4 && key[0] == 4 ? g_strdup_printf("WLED %d", key[2] << 8 | key[3]) : hex(key, n);
 }
 
+/* Requests of WLED by HTTP ask for a state, or set the one that is confirmed. The driver repeats
+ * them until the answer is young enough. */
 static char *stream_http(const guint8 *key, gsize n, const char *sections) {
-    return n > 4 && memcmp(key, "GET ", 4) == 0 ? hex(key, n) : g_strdup("");
+    return g_strdup("HTTP");
 }
 
 /* Programs: JSON-RPC, a request a line. */
