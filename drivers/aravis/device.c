@@ -22,8 +22,10 @@
 
 #define PULSE_US 1000
 
-/* Longer than Aravis needs to report that a camera was unplugged. */
-#define UNPLUG_REPORT_US 10000
+/* Longest time that Aravis may take to report that a camera was unplugged, and the time between two
+ * looks whether the report has ended. */
+#define MAX_REPORT_US  G_USEC_PER_SEC
+#define LOOK_REPORT_US 1000
 
 /* Limit of resend requests, as a share of a frame's packets. */
 #define REQUESTS 1.0
@@ -39,7 +41,12 @@ struct AravisDevice {
     gboolean sfnc_clock; /* the clock is read by TimestampLatch, in ns */
     char **warnings;
     gint unplugged; /* atomic: a USB camera has left the bus */
+    gint n_refs;    /* references to the Aravis device after the opening; 0 before its end */
 };
+
+static gint count_refs(AravisDevice *device) {
+    return g_atomic_int_get((gint *)&G_OBJECT(device->device)->ref_count);
+}
 
 static gboolean device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
@@ -312,16 +319,23 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     else if (stamped)
         device->sfnc_clock =
             device_has(device, "TimestampLatch") && device_has(device, "TimestampLatchValue");
+    device->n_refs = count_refs(device);
     return g_steal_pointer(&device);
+}
+
+/* Waits until Aravis's thread that reports the unplugging has dropped its reference to the device,
+ * because that thread must not drop the last one. */
+static void await_report(AravisDevice *device) {
+    const gint64 limit_us = g_get_monotonic_time() + MAX_REPORT_US;
+    while (g_atomic_int_get(&device->unplugged) && count_refs(device) > device->n_refs &&
+           g_get_monotonic_time() < limit_us)
+        g_usleep(LOOK_REPORT_US);
 }
 
 void aravis_device_close(AravisDevice *device) {
     if (!device)
         return;
-    /* Aravis's thread that reports the unplugging holds a reference to the device. Wait for it, so
-     * that it does not drop the last reference. */
-    if (g_atomic_int_get(&device->unplugged))
-        g_usleep(UNPLUG_REPORT_US);
+    await_report(device);
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
