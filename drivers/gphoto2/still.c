@@ -13,8 +13,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#define EVENT_MS     10 /* time that the library may wait for an event; over PTP/IP it waits 1 ms */
-#define PAUSE_MS     5
+#define EVENT_MS 10 /* time that the library may wait for an event; over PTP/IP it waits 1 ms */
+#define PAUSE_MS 5
+/* Longest time that a look for events and a pause take while this program runs. */
+#define MAX_PASS_US  (2 * (EVENT_MS + PAUSE_MS) * 1000)
 #define MAX_IDLE     32 /* largest number of events that are taken while nothing is asked */
 #define SETTING_US   (2 * G_USEC_PER_SEC)
 #define BATTERY_US   (60 * G_USEC_PER_SEC) /* time between two looks at the battery */
@@ -562,6 +564,15 @@ static gboolean pause_shot(const struct still_shot *shot, GError **error) {
     return FALSE;
 }
 
+/* Returns the time by which the limit of a loop that looks for events moves, because this program
+ * could not run in it. A busy computer is such a case, and often the camera was held up with this
+ * program: a virtual camera, or the network. *pass_us is the time of the last call. */
+static gint64 forgive(gint64 *pass_us) {
+    const gint64 took_us = now_us() - *pass_us;
+    *pass_us += took_us;
+    return MAX(took_us - MAX_PASS_US, 0);
+}
+
 /* Returns whether the camera still answers. */
 static gboolean answers(Still *still) {
     CameraStorageInformation *stores = NULL;
@@ -577,7 +588,9 @@ static gboolean settle(Still *still, const struct still_shot *shot, GError **err
     CameraFilePath path;
     if (still->camera && !answers(still))
         disconnect(still);
-    while (still->abandoned && now_us() < still->abandoned_until_us && still->camera) {
+    for (gint64 pass_us = now_us();
+         still->abandoned && now_us() < still->abandoned_until_us && still->camera;
+         still->abandoned_until_us += forgive(&pass_us)) {
         switch (next_event(still, &path)) {
         case PICTURE:
             remove_file(still, &path);
@@ -701,10 +714,10 @@ static gboolean look_for_picture(Still *still, gint64 begin_us, CameraFilePath *
 /* Waits for the picture of a trigger at begin_us. */
 static gboolean await_picture(Still *still, const struct still_shot *shot, gint64 begin_us,
                               gboolean lost, CameraFilePath *ret, GError **error) {
-    const gint64 end_us = begin_us + shot->exposure_us;
-    const gint64 late_us = end_us + 2 * shot->exposure_us +
-                           (still->options->trigger_ms + still->options->readout_ms) * 1000;
-    gint64 look_us = MIN(late_us, shot->deadline_us - LOOK_US);
+    const gint64 end_us = begin_us + shot->exposure_us, last_us = shot->deadline_us - LOOK_US;
+    gint64 look_us = end_us + 2 * shot->exposure_us +
+                     (still->options->trigger_ms + still->options->readout_ms) * (gint64)1000;
+    gint64 pass_us = begin_us;
     gboolean has_jpeg = FALSE, told = FALSE;
     CameraFilePath path = {0};
     for (;;) {
@@ -736,7 +749,8 @@ static gboolean await_picture(Still *still, const struct still_shot *shot, gint6
             if (error && *error)
                 return FALSE;
         }
-        if (now_us() >= look_us)
+        look_us += forgive(&pass_us);
+        if (now_us() >= MIN(look_us, last_us))
             break;
         if (happening == NOTHING && !pause_shot(shot, error))
             return FALSE;

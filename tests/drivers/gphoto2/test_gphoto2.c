@@ -1,6 +1,5 @@
 /* DSLR and mirrorless cameras: libgphoto2 with a virtual camera on the loopback interface. What
  * every driver must do, the pictures that arrive, and faults of the camera. */
-#include "lib/camera_open.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -12,6 +11,7 @@
 #include "virtual/cameras/ptpip.h"
 
 #include <math.h>
+#include <signal.h>
 #include <string.h>
 
 #define WIDTH  36
@@ -72,16 +72,25 @@ static char *section_of(const VirtualPtpip *device, const char *keys) {
                            virtual_ptpip_port(device), keys);
 }
 
-static gboolean open_bench(struct bench *bench, const char *keys, GError **error) {
+/* Opens the camera in two steps: the program starts in the first one. */
+static gboolean open_begin(struct bench *bench, const char *keys, GError **error) {
     const struct config_section *section;
     g_autofree char *text = section_of(bench->device, keys);
     const struct conformance with = {.section = text};
     g_autoptr(Config) config = conformance_config(&with, "", &section);
-    bench->camera = camera_open(&gphoto2_camera_driver, section, NULL, bench->clock, error);
-    if (!bench->camera)
+    bench->camera = camera_open_begin(&gphoto2_camera_driver, section, NULL, bench->clock, error);
+    return bench->camera != NULL;
+}
+
+static gboolean open_finish(struct bench *bench, GError **error) {
+    if (!camera_open_finish(bench->camera, error))
         return FALSE;
     camera_listen(bench->camera, on_event, bench);
     return TRUE;
+}
+
+static gboolean open_bench(struct bench *bench, const char *keys, GError **error) {
+    return open_begin(bench, keys, error) && open_finish(bench, error);
 }
 
 static void configure(struct bench *bench, gint64 exposure_us) {
@@ -89,11 +98,17 @@ static void configure(struct bench *bench, gint64 exposure_us) {
     ok(camera_configure(bench->camera, &settings, ERR));
 }
 
-static void begin(struct bench *bench, const struct virtual_ptpip_options *options,
+static void start(struct bench *bench, const struct virtual_ptpip_options *options,
                   const char *keys) {
     *bench = (struct bench){.clock = clock_new_real()};
     bench->device = ok(virtual_ptpip_new(options, ERR));
-    ok(open_bench(bench, keys, ERR));
+    ok(open_begin(bench, keys, ERR));
+}
+
+static void begin(struct bench *bench, const struct virtual_ptpip_options *options,
+                  const char *keys) {
+    start(bench, options, keys);
+    ok(open_finish(bench, ERR));
     configure(bench, 4000);
     ok(camera_arm(bench->camera, ERR));
 }
@@ -375,6 +390,34 @@ TEST(given_up_busy) {
     end(&bench);
 }
 
+static void signal_program(const struct bench *bench, int number) {
+    g_autofree char *argument = g_strdup_printf("--port=%s", virtual_ptpip_port(bench->device));
+    g_autoptr(GArray) found = process_find("cmdline", argument);
+    g_assert_cmpint(found->len, >, 0);
+    for (guint i = 0; i < found->len; i++)
+        kill(g_array_index(found, pid_t, i), number);
+}
+
+/* The computer stands still, and with it the program and the camera, for longer than a picture may
+ * take. This time does not count. */
+TEST(standstill) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    fail(&bench, (struct virtual_ptpip_faults){.slow_us = 1100000});
+    bench.n_ended = 0;
+    ok(camera_trigger(bench.camera, 1, ERR));
+    UNTIL (state_of(&bench).triggers == 2)
+        conformance_pass(bench.clock, 0.001);
+    signal_program(&bench, SIGSTOP);
+    conformance_pass(bench.clock, 1);
+    signal_program(&bench, SIGCONT);
+    conformance_wait(bench.clock, &bench.n_ended, 1, 60);
+    g_assert_no_error(bench.error);
+    g_assert_nonnull(bench.frame);
+    g_assert_cmpint(bench.frame->pixels[1], ==, expected(BLACK + 2));
+    end(&bench);
+}
+
 /* The camera is switched off and on while nothing is asked of it. */
 TEST(off_and_on) {
     struct bench bench;
@@ -506,14 +549,20 @@ static gboolean all_ended(const struct bench *benches) {
     return TRUE;
 }
 
-/* Several cameras at the same time, each on an address of its own. */
+/* Several cameras at the same time, each on an address of its own. They are opened at the same
+ * time, as a rig does, because a program that nobody asks for 10 s ends. */
 TEST(together) {
     struct bench benches[N_TOGETHER];
     for (int i = 0; i < N_TOGETHER; i++) {
         g_autofree char *host = g_strdup_printf("127.0.0.%d", i + 2);
         struct virtual_ptpip_options options = usual;
         options.host = host;
-        begin(&benches[i], &options, "");
+        start(&benches[i], &options, "");
+    }
+    for (int i = 0; i < N_TOGETHER; i++) {
+        ok(open_finish(&benches[i], ERR));
+        configure(&benches[i], 4000);
+        ok(camera_arm(benches[i].camera, ERR));
     }
     for (guint64 shot = 1; shot < 4; shot++) {
         for (int i = 0; i < N_TOGETHER; i++) {
@@ -523,6 +572,7 @@ TEST(together) {
         UNTIL (all_ended(benches))
             g_main_context_iteration(NULL, TRUE);
         for (int i = 0; i < N_TOGETHER; i++) {
+            g_assert_no_error(benches[i].error);
             g_assert_cmpint(benches[i].last, ==, CAMERA_FRAME);
             g_assert_cmpint(benches[i].frame->pixels[1], ==,
                             expected(BLACK + state_of(&benches[i]).triggers));
