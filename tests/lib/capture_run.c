@@ -173,7 +173,7 @@ static void check_same_part(const char *path, const struct exr_part *a, const st
     }
 }
 
-static void check_same_file(const char *a_session, const char *b_session, const char *relative) {
+void run_check_same_file(const char *a_session, const char *b_session, const char *relative) {
     g_autofree char *a_path = g_build_filename(a_session, relative, NULL);
     g_autofree char *b_path = g_build_filename(b_session, relative, NULL);
     struct exr_file *a = ok(exr_read(a_path, ERR));
@@ -206,7 +206,7 @@ void run_check_same_frames(const char *expected_path, const char *session_path) 
         g_assert_cmpint(a->shot, ==, b->shot);
         g_assert_cmpint(a->camera, ==, b->camera);
         g_assert_cmpstr(a->path, ==, b->path);
-        check_same_file(expected_path, session_path, a->path);
+        run_check_same_file(expected_path, session_path, a->path);
     }
 }
 

@@ -47,6 +47,9 @@ GPtrArray *run_frames(const char *session_path);
 GPtrArray *run_shots(const char *session_path);
 /* Returns the path of a session that was captured without faults; it is made once. */
 const char *run_undisturbed(void);
+/* Checks that an EXR file of a session is the same in another session, bit for bit. relative is its
+ * path in both sessions. */
+void run_check_same_file(const char *expected_path, const char *session_path, const char *relative);
 /* Checks that a session has the same frames as another session, bit for bit. */
 void run_check_same_frames(const char *expected_path, const char *session_path);
 /* Checks that all frames exist and are bit-identical to those of a capture without faults. */
