@@ -609,7 +609,7 @@ TEST(given_up) {
     for (int i = 0; i < n; i++) {
         const int kind = g_rand_int_range(rand, 0, G_N_ELEMENTS(kinds));
         const gint64 exposure_us = exposures_us[g_rand_int_range(rand, 0, 5)];
-        const double wait_s = g_rand_double_range(rand, 0, (double)exposure_us / 1e6 + 0.3);
+        const double wait_s = g_rand_double_range(rand, 0, (double)exposure_us / 1e6 + 0.1);
         fail(&bench, kinds[kind]);
         configure(&bench, exposure_us);
         ok(camera_arm(bench.camera, ERR));
