@@ -125,11 +125,10 @@ struct cameras_result {
      * it was not fitted to (cross-validation). 0 if the model was not tried or could not be
      * fitted. */
     double held_out_px[RIG_LENSES];
-    double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
-    gboolean arm_known;       /* the axis of the arm was fitted */
-    struct rig_swing_fit arm; /* the fitted axis of the arm; valid if arm_known */
-    /* Bit c is set if the pose of camera c was predicted from the axis of the arm. */
-    guint32 predicted;
+    double bend_mm[2];           /* lowest and highest corner of the bent board; 0, 0: flat */
+    gboolean arm_known;          /* the axis of the arm was fitted */
+    struct rig_swing_fit arm;    /* the fitted axis of the arm; valid if arm_known */
+    struct camera_set predicted; /* cameras whose pose was predicted from the axis of the arm */
     /* Factor of each camera's variances that accounts for the scatter between pictures; at least
      * 1. */
     double inflation[RIG_MAX_CAMERAS];

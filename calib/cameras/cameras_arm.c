@@ -8,13 +8,14 @@
 #define MAX_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
 #define MAX_LEAN_DEG 20 /* largest angle between the axis and the axis in the rig file */
 
-/* Returns the calibrated stop (bits known) of the same camera whose arm angle is nearest, or −1. */
-static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
+/* Returns the calibrated stop (in the set known) of the same camera whose arm angle is nearest, or
+ * −1. */
+static int nearest_stop(const struct rig *rig, struct camera_set known, int camera) {
     int nearest = -1;
     double best_deg = G_MAXDOUBLE;
     for (int c = 0; c < rig->n_cameras; c++) {
         const double apart_deg = fabs(rig->cameras[c].arm_deg - rig->cameras[camera].arm_deg);
-        if (rig_camera_unit(rig, c) != rig_camera_unit(rig, camera) || !(known >> c & 1) ||
+        if (rig_camera_unit(rig, c) != rig_camera_unit(rig, camera) || !camera_set_has(known, c) ||
             apart_deg >= best_deg)
             continue;
         nearest = c;
@@ -47,14 +48,21 @@ static void predict(struct calibration *calibration, int camera, int from,
     errors->residual_rms_px = 0;
 }
 
+/* Returns the cameras that have pictures. */
+static struct camera_set calibrated(const struct cameras_work *work) {
+    struct camera_set set = {{0}};
+    for (int c = 0; c < work->nominal.n_cameras; c++)
+        if (cameras_pictures_of(work, c) > 0)
+            camera_set_add(&set, c);
+    return set;
+}
+
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error) {
     g_autofree struct rig *rig = g_memdup2(&work->nominal, sizeof work->nominal);
-    guint32 known = 0;
-    for (int c = 0; c < rig->n_cameras; c++) {
+    const struct camera_set known = calibrated(work);
+    for (int c = 0; c < rig->n_cameras; c++)
         cameras_take_camera(&rig->cameras[c], &work->bundle.cameras[c]);
-        known |= cameras_pictures_of(work, c) > 0 ? 1u << c : 0;
-    }
     *ret_known = rig_swing_fit(rig, known, &work->nominal, ret);
     if (!*ret_known)
         return TRUE;
@@ -78,15 +86,13 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
                          struct cameras_result *result) {
     struct rig *rig = &calibration->rig;
-    guint32 known = 0;
-    for (int c = 0; c < rig->n_cameras; c++)
-        known |= cameras_pictures_of(work, c) > 0 ? 1u << c : 0;
+    const struct camera_set known = calibrated(work);
     rig->arm = result->arm.swing;
     for (int c = 0; c < rig->n_cameras; c++) {
-        const int from = known >> c & 1 ? -1 : nearest_stop(rig, known, c);
+        const int from = camera_set_has(known, c) ? -1 : nearest_stop(rig, known, c);
         if (from < 0 || !rig->cameras[c].on_arm)
             continue;
         predict(calibration, c, from, &result->arm);
-        result->predicted |= 1u << c;
+        camera_set_add(&result->predicted, c);
     }
 }

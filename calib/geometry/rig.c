@@ -10,13 +10,21 @@
 
 static const struct vec3 up = {0, 0, 1};
 
-double rig_arm_deg(const struct rig *rig, guint32 cameras) {
+/* Returns whether the rig has this swing. Most rigs have none, and need no search of their cameras
+ * or lamps. */
+static gboolean is_there(const struct rig_swing *swing) {
+    return swing->axis.x != 0 || swing->axis.y != 0 || swing->axis.z != 0;
+}
+
+double rig_arm_deg(const struct rig *rig, struct camera_set cameras) {
     int first = -1;
 
+    if (!is_there(&rig->arm))
+        return 0;
     for (int c = 0; c < rig->n_cameras; c++) {
         if (!rig->cameras[c].on_arm)
             continue;
-        if (cameras & 1u << c)
+        if (camera_set_has(cameras, c))
             return rig->cameras[c].arm_deg;
         first = first < 0 ? c : first;
     }
@@ -24,6 +32,8 @@ double rig_arm_deg(const struct rig *rig, guint32 cameras) {
 }
 
 double rig_probe_deg(const struct rig *rig, int lamp) {
+    if (!is_there(&rig->probe))
+        return 0;
     if (lamp >= 0 && rig->lamps[lamp].on_probe)
         return rig->lamps[lamp].probe_deg;
     for (int i = 0; i < rig->n_lamps; i++)

@@ -23,11 +23,12 @@
 
 #include <glib.h>
 
+#include "base/camera_set.h"
 #include "base/vec.h"
 #include "lens.h"
 
-#define RIG_MAX_CAMERAS   31 /* each stop counts; bit 31 of a set of cameras has other uses */
-#define RIG_MAX_LAMPS     128
+#define RIG_MAX_CAMERAS   CAMERA_SET_MAX /* each stop counts */
+#define RIG_MAX_LAMPS     1024           /* each stop counts */
 #define RIG_MIN_RESPONSE  1e-6 /* smallest response that a rig file may give, DN/s per W/(sr m²) */
 #define RIG_MAX_RESPONSE  1e12
 #define RIG_MAX_INTENSITY 1e6  /* largest radiant intensity of a lamp, W/sr */
@@ -165,10 +166,10 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
     return lamp - rig->lamps[lamp].stop;
 }
 
-/* Returns the angle of the arm while a set of cameras (bits) takes pictures. All cameras of the set
- * that the arm carries must have the same angle. If the arm carries no camera of the set, the arm
- * stands at the first stop of the rig. Returns 0 if there is no arm. */
-double rig_arm_deg(const struct rig *rig, guint32 cameras);
+/* Returns the angle of the arm while a set of cameras takes pictures. All cameras of the set that
+ * the arm carries must have the same angle. If the arm carries no camera of the set, the arm stands
+ * at the first stop of the rig. Returns 0 if there is no arm. */
+double rig_arm_deg(const struct rig *rig, struct camera_set cameras);
 /* Returns the angle of the probe while a lamp is lit, in the same way as rig_arm_deg(). lamp is −1
  * if no lamp is used. */
 double rig_probe_deg(const struct rig *rig, int lamp);

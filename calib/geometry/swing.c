@@ -54,7 +54,7 @@ static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_
 /* Finds the next pair of known stops j and k of one camera that are at least MIN_APART_RAD
  * apart. *j and *k hold the previous pair, or 0 and 0 at the start. Returns FALSE if none is
  * left. */
-static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) {
+static gboolean next_pair(const struct rig *rig, struct camera_set known, int *j, int *k) {
     for (;;) {
         if (++*k >= rig->n_cameras) {
             ++*j;
@@ -65,7 +65,7 @@ static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) 
         }
         const struct rig_camera *a = &rig->cameras[*j], *b = &rig->cameras[*k];
         if (a->on_arm && b->on_arm && rig_camera_unit(rig, *j) == rig_camera_unit(rig, *k) &&
-            known >> *j & 1 && known >> *k & 1 &&
+            camera_set_has(known, *j) && camera_set_has(known, *k) &&
             fabs(RAD(b->arm_deg - a->arm_deg)) >= MIN_APART_RAD)
             return TRUE;
     }
@@ -74,7 +74,8 @@ static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) 
 /* Solves Σ (I − S)ᵀ (I − S) c = Σ (I − S)ᵀ (C_k − S C_j) for c, with the symbols of swing.h. The
  * condition a aᵀ c = 0 is added, because c may be any point of the axis. Returns FALSE if the
  * equations are singular. */
-static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swing *swing) {
+static gboolean fit_centre(const struct rig *rig, struct camera_set known,
+                           struct rig_swing *swing) {
     const struct vec3 units[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double a[3] = {swing->axis.x, swing->axis.y, swing->axis.z};
     double m[3][3], right[3] = {0};
@@ -103,13 +104,13 @@ static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swin
 
 /* Returns the mean angle about the axis from the nominal centre of each known camera of the arm
  * to its calibrated centre. Returns 0 if the arm has no known camera. */
-static double mean_zero_rad(const struct rig *rig, guint32 known, const struct rig *nominal,
-                            const struct rig_swing *swing) {
+static double mean_zero_rad(const struct rig *rig, struct camera_set known,
+                            const struct rig *nominal, const struct rig_swing *swing) {
     double sum = 0;
     int n = 0;
 
     for (int c = 0; c < rig->n_cameras; c++) {
-        if (!rig->cameras[c].on_arm || !(known >> c & 1))
+        if (!rig->cameras[c].on_arm || !camera_set_has(known, c))
             continue;
         struct vec3 at = vec3_sub(rig_camera_centre_mm(&rig->cameras[c]), swing->centre_mm);
         struct vec3 meant =
@@ -122,7 +123,7 @@ static double mean_zero_rad(const struct rig *rig, guint32 known, const struct r
     return n ? sum / n : 0;
 }
 
-gboolean rig_swing_fit(const struct rig *rig, guint32 known, const struct rig *nominal,
+gboolean rig_swing_fit(const struct rig *rig, struct camera_set known, const struct rig *nominal,
                        struct rig_swing_fit *ret) {
     struct vec3 sum = vec3(0, 0, 0);
     double angles = 0, positions = 0;

@@ -76,6 +76,18 @@ struct fiducials_check {
     } cameras[RIG_MAX_CAMERAS];
 };
 
+/* What has moved since the calibration. */
+struct fiducials_moved {
+    struct camera_set cameras;
+    gboolean turntable; /* it slipped */
+};
+struct fiducials_moved fiducials_moved(const struct rig *rig, const struct fiducials_check *check);
+/* Return what is in a and in b, what is in a but not in b, and what is in a or in b. */
+struct fiducials_moved fiducials_moved_both(struct fiducials_moved a, struct fiducials_moved b);
+struct fiducials_moved fiducials_moved_without(struct fiducials_moved a, struct fiducials_moved b);
+struct fiducials_moved fiducials_moved_union(struct fiducials_moved a, struct fiducials_moved b);
+gboolean fiducials_moved_any(struct fiducials_moved moved);
+
 /* Compares n sightings with the calibration. systematic_px is the error of a good calibration; the
  * square of systematic_px is added to the squared standard errors. Only angles that exceed both
  * least_deg and four standard errors are reported. */

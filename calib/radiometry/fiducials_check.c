@@ -6,6 +6,7 @@
 #include "fiducials.h"
 
 #include <lapacke.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define STEP_RAD  1e-5
@@ -171,6 +172,32 @@ static void find_causes(struct checking *check, double least_deg, struct fiducia
     }
 }
 
+/* Orders pointers to sightings by camera, fiducial and angle of the turntable. */
+static int by_picture(const void *a, const void *b) {
+    const struct fiducial_seen *p = *(const struct fiducial_seen *const *)a;
+    const struct fiducial_seen *q = *(const struct fiducial_seen *const *)b;
+    if (p->camera != q->camera)
+        return p->camera < q->camera ? -1 : 1;
+    if (p->fiducial != q->fiducial)
+        return p->fiducial < q->fiducial ? -1 : 1;
+    return (p->turntable_rad > q->turntable_rad) - (p->turntable_rad < q->turntable_rad);
+}
+
+/* Sets ret[i] to the number of sightings that show the same fiducial to the same camera in the same
+ * pose as sighting i, including sighting i. */
+static void count_same(const struct fiducial_seen *seen, int n, int *ret) {
+    g_autofree const struct fiducial_seen **order = g_new(const struct fiducial_seen *, n + 1);
+    for (int i = 0; i < n; i++)
+        order[i] = &seen[i];
+    qsort(order, (gsize)n, sizeof(gpointer), by_picture);
+    for (int i = 0, k; i < n; i += k) {
+        for (k = 1; i + k < n && by_picture(&order[i], &order[i + k]) == 0; k++)
+            ;
+        for (int j = i; j < i + k; j++)
+            ret[order[j] - seen] = k;
+    }
+}
+
 void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
                      double systematic_px, double least_deg, struct fiducials_check *ret) {
     struct checking check = {.rig = rig, .seen = seen, .n = n};
@@ -180,17 +207,15 @@ void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, in
     check.weight = check.off_y + n;
     memset(ret, 0, sizeof *ret);
     ret->n_seen = n;
+    /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of a
+     * pose together therefore count as one picture. */
+    g_autofree int *same = g_new(int, n + 1);
+    count_same(seen, n, same);
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of
-         * a pose together therefore count as one picture. */
-        int same = 0;
-        for (int k = 0; k < n; k++)
-            same += seen[k].camera == seen[i].camera && seen[k].fiducial == seen[i].fiducial &&
-                    seen[k].turntable_rad == seen[i].turntable_rad;
         check.weight[i] =
-            1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) / same;
+            1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) / same[i];
         ret->rms_px += (check.off_x[i] * check.off_x[i] + check.off_y[i] * check.off_y[i]) / n;
         ret->cameras[seen[i].camera].n_seen++;
     }
@@ -199,6 +224,33 @@ void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, in
         find_causes(&check, least_deg, ret);
     g_free(check.slope);
     g_free(check.off_x);
+}
+
+struct fiducials_moved fiducials_moved(const struct rig *rig, const struct fiducials_check *check) {
+    struct fiducials_moved moved = {.turntable = check->slipped};
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (check->cameras[c].moved)
+            camera_set_add(&moved.cameras, c);
+    return moved;
+}
+
+struct fiducials_moved fiducials_moved_both(struct fiducials_moved a, struct fiducials_moved b) {
+    return (struct fiducials_moved){camera_set_both(a.cameras, b.cameras),
+                                    a.turntable && b.turntable};
+}
+
+struct fiducials_moved fiducials_moved_without(struct fiducials_moved a, struct fiducials_moved b) {
+    return (struct fiducials_moved){camera_set_without(a.cameras, b.cameras),
+                                    a.turntable && !b.turntable};
+}
+
+struct fiducials_moved fiducials_moved_union(struct fiducials_moved a, struct fiducials_moved b) {
+    return (struct fiducials_moved){camera_set_union(a.cameras, b.cameras),
+                                    a.turntable || b.turntable};
+}
+
+gboolean fiducials_moved_any(struct fiducials_moved moved) {
+    return moved.turntable || !camera_set_is_empty(moved.cameras);
 }
 
 char *fiducials_describe(const struct rig *rig, const struct fiducials_check *check) {

@@ -342,7 +342,7 @@ static void tell_arm(Record *to, const struct calibration *calibration,
         return;
     rig_angles(arm->swing.axis, &theta_rad, &phi_rad);
     for (int c = 0; c < calibration->rig.n_cameras; c++)
-        if (result->predicted >> c & 1)
+        if (camera_set_has(result->predicted, c))
             g_ptr_array_add(predicted, (gpointer)calibration->rig.cameras[c].name);
     record_begin(to, "arm");
     record_say(to,

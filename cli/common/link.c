@@ -12,8 +12,8 @@
 
 #define START_WAIT_MS   15000
 #define ASK_WAIT_MS     5000
-#define MAX_TEXT        (1 << 20) /* bytes, the limit of every configuration file */
-#define CALL_TIMEOUT_MS 600000    /* opening a rig may take a long time */
+#define MAX_TEXT        (16 << 20) /* bytes, the limit of a calibration; other files have less */
+#define CALL_TIMEOUT_MS 600000     /* opening a rig may take a long time */
 
 static gboolean make_proxy(Link *link, const char *name, GError **error) {
     link->rig = bus_rig1_proxy_new_sync(link->connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,

@@ -24,7 +24,6 @@
 /* Limits for fiducials, the same as in a capture (capture_marks.c). */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
-#define TURNTABLE     (1u << 31) /* bit of a moved turntable; the other bits are cameras */
 
 struct seen { /* what a camera has seen of all lamps */
     int bits;
@@ -45,9 +44,8 @@ struct guard {
     struct seen seen[RIG_MAX_CAMERAS];
     gboolean shines[RIG_MAX_LAMPS], tried[RIG_MAX_LAMPS];
     GArray *fiducials; /* of struct fiducial_seen */
-    /* a bit for each camera that has moved, and TURNTABLE: in the whole test, and in the last shot
-     */
-    guint32 moved, moved_before;
+    /* what has moved according to the whole test, and according to the last shot */
+    struct fiducials_moved moved, moved_before;
 };
 
 static int count_directions(const struct ring *rings, int n, char **devices, int n_devices) {
@@ -160,12 +158,11 @@ static void compare_shot(struct guard *guard, guint from) {
     if (guard->fiducials->len == from)
         return;
     check_fiducials(guard, from, &check);
-    guint32 bits = check.slipped ? TURNTABLE : 0;
-    for (int c = 0; c < guard->calibration->rig.n_cameras; c++)
-        if (check.cameras[c].moved)
-            bits |= 1u << c;
-    guard->moved |= guard->trial.n_lamps == 1 ? bits : bits & guard->moved_before;
-    guard->moved_before = bits;
+    const struct fiducials_moved seen = fiducials_moved(&guard->calibration->rig, &check);
+    const struct fiducials_moved sure =
+        guard->trial.n_lamps == 1 ? seen : fiducials_moved_both(seen, guard->moved_before);
+    guard->moved = fiducials_moved_union(guard->moved, sure);
+    guard->moved_before = seen;
 }
 
 /* Returns a suitable exposure for a camera that saturates, found with one more picture of the same
@@ -261,7 +258,7 @@ static void judge_fiducials(struct guard *guard) {
     }
     check_fiducials(guard, 0, &check);
     g_autofree char *what = fiducials_describe(&guard->calibration->rig, &check);
-    if (guard->moved && what)
+    if (fiducials_moved_any(guard->moved) && what)
         warn(guard,
              "something has moved since the rig was calibrated: %s; put it back, or "
              "calibrate again",

@@ -121,7 +121,7 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
 static gboolean add_frames(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
-    guint32 seen = 0;
+    struct camera_set seen = {{0}};
     guint s = 0;
     for (guint f = 0; frames && archive->calibration && f < frames->len; f++) {
         const struct session_frame *frame = frames->pdata[f];
@@ -130,9 +130,9 @@ static gboolean add_frames(struct archive *archive, Session *session, GError **e
         const struct session_shot *shot = s < shots->len ? shots->pdata[s] : NULL;
         if (!shot || shot->id != frame->shot || shot->kind != SHOT_LAMP || frame->camera < 0 ||
             frame->camera >= archive->calibration->rig.n_cameras ||
-            seen & (guint32)1 << frame->camera)
+            camera_set_has(seen, frame->camera))
             continue;
-        seen |= (guint32)1 << frame->camera;
+        camera_set_add(&seen, frame->camera);
         add_frame(archive, shot, frame);
     }
     return frames != NULL;

@@ -29,7 +29,8 @@ static const struct session_shot *dark_before(const GPtrArray *shots, int camera
     const struct session_shot *found = NULL;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind == SHOT_DARK && shot->state == SHOT_DONE && shot->cameras & 1u << camera)
+        if (shot->kind == SHOT_DARK && shot->state == SHOT_DONE &&
+            camera_set_has(shot->cameras, camera))
             found = shot;
         if (shot->state == SHOT_PLANNED)
             break;

@@ -78,7 +78,7 @@ static double bytes_left(struct capture_bytes *bytes, const struct capture_sessi
         for (guint i = 0; i < session->shots->len; i++) {
             const struct session_shot *at = session->shots->pdata[i];
             for (int c = 0; c < n_cameras; c++)
-                if (at->state == SHOT_PLANNED && at->cameras & 1u << c)
+                if (at->state == SHOT_PLANNED && camera_set_has(at->cameras, c))
                     bytes->planned[i * (guint)n_cameras + (guint)c] =
                         (float)planned_bytes(bytes, session, at, c);
         }

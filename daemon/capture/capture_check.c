@@ -88,7 +88,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
         const struct session_shot *shot = shots->pdata[i];
         int n = shot->kind == SHOT_SWEEP ? rig->n_lasers : rig->n_lamps;
         gboolean device = shot->kind == SHOT_DARK || (shot->device >= 0 && shot->device < n);
-        if (device && shot->cameras != 0 && shot->cameras >> rig->n_cameras == 0)
+        if (device && !camera_set_is_empty(shot->cameras) &&
+            camera_set_next(shot->cameras, rig->n_cameras - 1) < 0)
             continue;
         const char *missing = device ? "a camera" : shot->kind == SHOT_SWEEP ? "a laser" : "a lamp";
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,

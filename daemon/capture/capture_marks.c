@@ -1,14 +1,17 @@
 #include "capture_marks.h"
 
+#include <string.h>
+
 #include "session/outputs.h"
 
 /* The maximum error of a calibration at a mark in a picture, in pixels, and the minimum rotation of
  * a camera or the turntable that counts as a movement, in degrees. */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
-#define WINDOW        8          /* number of shots that are evaluated together */
-#define TURNTABLE     (1u << 31) /* a bit of struct capture_marks; the other bits are cameras */
+#define WINDOW        8 /* number of shots that are evaluated together */
 #define KEY           "accepted_moves"
+#define TURNTABLE     "turntable"
+#define CAMERAS       "cameras "
 
 static const struct fiducial_seen *seen_of(const GArray *array) {
     return (const struct fiducial_seen *)(void *)array->data;
@@ -35,17 +38,28 @@ static gboolean keep_outputs(const struct capture_session *session, const struct
     return TRUE;
 }
 
-static guint32 moved(const struct rig *rig, const struct fiducials_check *check) {
-    guint32 bits = check->slipped ? TURNTABLE : 0;
-    for (int c = 0; c < rig->n_cameras; c++)
-        if (check->cameras[c].moved)
-            bits |= 1u << c;
-    return bits;
+/* Returns the movements that somebody has accepted. Their text is TURNTABLE, CAMERAS followed by
+ * the numbers of the cameras, or both with ", " between them. Nothing is accepted by another
+ * text. */
+static struct fiducials_moved accepted(const struct capture_session *session) {
+    struct fiducials_moved ret = {.turntable = FALSE};
+    g_autofree char *text = session_value(session->store, KEY);
+    g_auto(GStrv) parts = g_strsplit(text ? text : "", ", ", -1);
+    for (char **part = parts; *part; part++)
+        if (strcmp(*part, TURNTABLE) == 0)
+            ret.turntable = TRUE;
+        else if (g_str_has_prefix(*part, CAMERAS))
+            camera_set_from_text(*part + strlen(CAMERAS), &ret.cameras);
+    return ret;
 }
 
-static guint32 accepted(const struct capture_session *session) {
-    g_autofree char *text = session_value(session->store, KEY);
-    return text ? (guint32)g_ascii_strtoull(text, NULL, 10) : 0;
+static void accept(const struct capture_session *session, struct fiducials_moved moved) {
+    const gboolean cameras = !camera_set_is_empty(moved.cameras);
+    g_autofree char *numbers = camera_set_to_text(moved.cameras);
+    g_autofree char *text =
+        g_strconcat(moved.turntable ? TURNTABLE : "", moved.turntable && cameras ? ", " : "",
+                    cameras ? CAMERAS : "", numbers, NULL);
+    session_set_value(session->store, KEY, text, NULL);
 }
 
 static void report_first_check(struct capture_marks *marks, const struct capture_session *session,
@@ -94,17 +108,17 @@ char *capture_marks_check(struct capture_marks *marks, const struct capture_sess
     guint before = g_queue_get_length(marks->window) - 1;
     check_seen(rig, seen, &check);
     report_first_check(marks, session, &check);
-    if (moved(rig, &check) != 0)
+    if (fiducials_moved_any(fiducials_moved(rig, &check)))
         before = 0;
     else
         check_seen(rig, window, &check);
-    const guint32 suspected = marks->suspected;
-    marks->suspected = moved(rig, &check) & ~accepted(session);
-    if (marks->suspected == 0)
+    const struct fiducials_moved suspected = marks->suspected;
+    marks->suspected = fiducials_moved_without(fiducials_moved(rig, &check), accepted(session));
+    if (!fiducials_moved_any(marks->suspected))
         return NULL;
     g_autofree char *what = fiducials_describe(rig, &check);
-    marks->moved = marks->suspected & suspected;
-    if (marks->moved == 0) {
+    marks->moved = fiducials_moved_both(marks->suspected, suspected);
+    if (!fiducials_moved_any(marks->moved)) {
         /* Light that a nearby sample reflects may make marks look displaced under one lamp. A real
          * movement is also visible under the next lamp. */
         g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
@@ -128,13 +142,12 @@ static void unref_array(gpointer array) {
 void capture_marks_forget(struct capture_marks *marks) {
     if (marks->window)
         g_queue_free_full(g_steal_pointer(&marks->window), unref_array);
-    marks->suspected = 0;
+    marks->suspected = (struct fiducials_moved){.turntable = FALSE};
 }
 
 void capture_marks_accept(struct capture_marks *marks, const struct capture_session *session) {
-    if (marks->moved == 0)
+    if (!fiducials_moved_any(marks->moved))
         return;
-    g_autofree char *text = g_strdup_printf("%u", accepted(session) | marks->moved);
-    session_set_value(session->store, KEY, text, NULL);
-    marks->moved = 0;
+    accept(session, fiducials_moved_union(accepted(session), marks->moved));
+    marks->moved = (struct fiducials_moved){.turntable = FALSE};
 }

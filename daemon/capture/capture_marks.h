@@ -7,11 +7,8 @@
 #include "radiometry/fiducials.h"
 
 struct capture_marks {
-    /* bits of the movements for which the session was paused: bit i for camera i, the highest bit
-     * for the turntable */
-    guint32 moved;
-    /* bits, as in moved, of the movements that the previous shot seemed to show */
-    guint32 suspected;
+    struct fiducials_moved moved;     /* movements for which the session was paused */
+    struct fiducials_moved suspected; /* movements that the previous shot seemed to show */
     /* one GArray of struct fiducial_seen for each of the last WINDOW shots (capture_marks.c); NULL
      * if empty */
     GQueue *window;

@@ -171,7 +171,7 @@ static gboolean commit(Capture *capture, const struct flight *flight) {
     gboolean any = FALSE;
     int n = 0;
     for (int c = 0; c < rig->n_cameras; c++) {
-        if (flight->shot->cameras & 1u << c)
+        if (camera_set_has(flight->shot->cameras, c))
             frames[n++] = flight->frames[c];
         if (flight->saturated[c] == 0)
             continue;
@@ -202,7 +202,7 @@ static gboolean commit(Capture *capture, const struct flight *flight) {
  * first picture shows nothing is not returned, because it may see a black object. */
 static int find_blind(const struct flight *flight, int n_cameras, double min_dn) {
     for (int c = 0; c < n_cameras; c++)
-        if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
+        if (camera_set_has(flight->shot->cameras, c) && flight->frames[c].retakes > 0 &&
             !(flight->signals_dn[c] > min_dn))
             return c;
     return -1;
@@ -212,7 +212,7 @@ static int find_blind(const struct flight *flight, int n_cameras, double min_dn)
 static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     int bits = 16;
     for (int c = 0; c < capture->session.devices->geometry.n_cameras; c++)
-        if (flight->shot->cameras & 1u << c)
+        if (camera_set_has(flight->shot->cameras, c))
             bits = MIN(bits, capture->session.devices->cameras[c]->format.bits);
     const struct rig *rig = &capture->session.devices->geometry;
     const double min_dn = LAMP_SIGNAL * ((1 << bits) - 1);

@@ -38,8 +38,8 @@ static int count_lit_pictures(Session *session) {
     int n = 0;
     for (guint i = 0; shots && i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        for (guint32 bits = shot->cameras; bits; bits &= bits - 1)
-            n += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+        if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE)
+            n += camera_set_count(shot->cameras);
     }
     return n;
 }

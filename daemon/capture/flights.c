@@ -32,7 +32,7 @@ const struct flight *flights_at(const struct flights *flights, guint index) {
 
 void flight_take(struct flight *flight, const struct intake_result *result) {
     const int camera = result->frame.camera;
-    flight->back |= 1u << camera;
+    camera_set_add(&flight->back, camera);
     flight->frames[camera] = result->frame;
     flight->frames[camera].path = g_strdup(result->frame.path);
     flight->frames[camera].sha256 = g_strdup(result->frame.sha256);
@@ -46,7 +46,7 @@ void flight_take(struct flight *flight, const struct intake_result *result) {
 }
 
 static gboolean is_back(const struct flight *flight) {
-    return flight->back == flight->shot->cameras;
+    return camera_set_equal(flight->back, flight->shot->cameras);
 }
 
 gboolean flights_are_back(const struct flights *flights) {

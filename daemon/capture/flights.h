@@ -7,7 +7,7 @@
 
 struct flight { /* a shot */
     const struct session_shot *shot;
-    guint32 back; /* bits of cameras whose results have returned */
+    struct camera_set back; /* cameras whose results have returned */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signals_dn[RIG_MAX_CAMERAS]; /* signal_dn of the result of each camera (intake.h) */
     /* maximum of signals_dn over the cameras that have returned */

@@ -19,7 +19,7 @@ static void prepare(Sequencer *seq);
 gboolean sequencer_stop(Sequencer *seq, GError **error) {
     seq->state = IDLE;
     seq->shot = NULL;
-    seq->pending = seq->exposing = seq->waiting = 0;
+    seq->pending = seq->exposing = seq->waiting = (struct camera_set){{0}};
     clock_cancel(seq->devices->clock, &seq->timer);
     sequencer_pass_clear(seq);
     gboolean safe = stage_make_safe(seq->stage, error);
@@ -89,7 +89,7 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
 
 /* Returns the stage's goal after the exposure of the picture under way. */
 static struct stage_goal goal_after(const Sequencer *seq) {
-    if (seq->pending && seq->pass.n == 0)
+    if (!camera_set_is_empty(seq->pending) && seq->pass.n == 0)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
@@ -98,7 +98,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
          * next laser were one that cannot be switched off again, it would light a repetition of
          * this frame, and that would be noticed only at the end of its own sweep. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
-        goal.laser = seq->waiting ? -1 : goal.laser;
+        goal.laser = camera_set_is_empty(seq->waiting) ? goal.laser : -1;
         return goal;
     }
     struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
@@ -183,21 +183,19 @@ gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camer
  * triggered again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
-    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+    const struct camera_set pending = seq->pending;
+    for (int c = camera_set_next(pending, -1); c >= 0; c = camera_set_next(pending, c)) {
         g_autoptr(GError) error = NULL;
-        guint32 bit = 1u << c;
-        if (!(seq->pending & bit))
-            continue;
         if (sequencer_trigger(seq, seq->shot, seq->sub, c, &seq->cameras[c], &error)) {
-            seq->pending &= ~bit;
-            seq->exposing |= bit;
-            seq->waiting |= bit;
+            camera_set_remove(&seq->pending, c);
+            camera_set_add(&seq->exposing, c);
+            camera_set_add(&seq->waiting, c);
             continue;
         }
         if (!sequencer_count_gone(seq, c, &seq->cameras[c], error))
             return;
     }
-    if (seq->waiting == 0) {
+    if (camera_set_is_empty(seq->waiting)) {
         seq->state = PREPARING;
         prepare(seq);
     }
@@ -216,10 +214,8 @@ static void prepare(Sequencer *seq) {
     if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &ready_us))
         return;
     clock_cancel(seq->devices->clock, &seq->timer);
-    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
-        if (seq->pending & 1u << c)
-            ready_us = MAX(ready_us, seq->units[c].rest_until_us);
-    }
+    for (int c = camera_set_next(seq->pending, -1); c >= 0; c = camera_set_next(seq->pending, c))
+        ready_us = MAX(ready_us, seq->units[c].rest_until_us);
     if (ready_us > clock_now_us(seq->devices->clock))
         seq->timer = clock_call_at(seq->devices->clock, ready_us, timer_due, seq);
     else if (!seq->hooks.may_trigger(seq->hooks.data))
@@ -251,7 +247,7 @@ void sequencer_advance(Sequencer *seq) {
         start_shots(seq);
     } else if (seq->state == PREPARING) {
         prepare(seq);
-    } else if (seq->state == EXPOSING && seq->exposing == 0) {
+    } else if (seq->state == EXPOSING && camera_set_is_empty(seq->exposing)) {
         sequencer_go_on(seq);
     } else if (seq->state == PASSING) {
         sequencer_pass_step(seq);
@@ -270,10 +266,11 @@ void sequencer_next_shot(Sequencer *seq) {
  * refused, or continues with the next picture or shot. */
 static void picture_over(Sequencer *seq) {
     seq->state = PREPARING;
-    if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
+    const gboolean taken = camera_set_is_empty(seq->pending);
+    if (taken && seq->sub + 1 < seq->n_subs) {
         seq->sub++;
         seq->pending = seq->shot->cameras;
-    } else if (seq->pending == 0) {
+    } else if (taken) {
         sequencer_next_shot(seq);
         return;
     }
@@ -281,13 +278,12 @@ static void picture_over(Sequencer *seq) {
 }
 
 static void answered(Sequencer *seq, int camera) {
-    guint32 bit = 1u << camera;
-    gboolean was_exposing = seq->exposing != 0;
-    seq->exposing &= ~bit;
-    seq->waiting &= ~bit;
-    if (seq->waiting == 0)
+    const gboolean was_exposing = !camera_set_is_empty(seq->exposing);
+    camera_set_remove(&seq->exposing, camera);
+    camera_set_remove(&seq->waiting, camera);
+    if (camera_set_is_empty(seq->waiting))
         picture_over(seq);
-    else if (was_exposing && seq->exposing == 0)
+    else if (was_exposing && camera_set_is_empty(seq->exposing))
         sequencer_advance(seq);
 }
 
@@ -319,7 +315,7 @@ static void take_frame(Sequencer *seq, int camera, Frame *frame) {
     if (sequencer_shorten(seq, seq->shot, seq->sub, camera, state, frame)) {
         if (seq->state != EXPOSING)
             return;
-        seq->pending |= 1u << camera;
+        camera_set_add(&seq->pending, camera);
         answered(seq, camera);
         return;
     }
@@ -338,7 +334,7 @@ static void take_again(Sequencer *seq, int camera, const GError *error) {
     if (!sequencer_count_refusal(seq, camera, &seq->cameras[camera], error) ||
         seq->state != EXPOSING)
         return;
-    seq->pending |= 1u << camera;
+    camera_set_add(&seq->pending, camera);
     answered(seq, camera);
 }
 
@@ -348,7 +344,7 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     Sequencer *seq = unit->sequencer;
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
-           !(seq->waiting & 1u << c))
+           !camera_set_has(seq->waiting, c))
         /* finds the stop whose frame is awaited: the stops of a camera on the arm are separate
          * cameras of the rig */
         c++;
@@ -356,11 +352,10 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
         seq->devices->cameras[c] != camera)
         return;
-    const guint32 bit = 1u << c;
     switch (event) {
     case CAMERA_EXPOSED:
-        seq->exposing &= ~bit;
-        if (seq->exposing == 0)
+        camera_set_remove(&seq->exposing, c);
+        if (camera_set_is_empty(seq->exposing))
             sequencer_advance(seq);
         break;
     case CAMERA_FRAME:
@@ -439,9 +434,9 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
 
 void sequencer_pause(Sequencer *seq) {
     seq->pausing = TRUE;
-    gboolean untouched =
-        seq->state == PREPARING && seq->sub == 0 && seq->shot &&
-        (seq->pass.n > 0 ? sequencer_pass_is_untouched(seq) : seq->pending == seq->shot->cameras);
+    gboolean untouched = seq->state == PREPARING && seq->sub == 0 && seq->shot &&
+                         (seq->pass.n > 0 ? sequencer_pass_is_untouched(seq)
+                                          : camera_set_equal(seq->pending, seq->shot->cameras));
     if (seq->state == HOMING || untouched)
         sequencer_finish(seq);
     else if (seq->state == PASSING)

@@ -38,11 +38,11 @@ void sequencer_pass_clear(Sequencer *seq) {
     seq->pass = (struct sequencer_pass){.told = G_QUEUE_INIT};
 }
 
-/* Returns the bits of the cameras that still have pictures to take in this pass. */
-static guint32 pass_pending(const Sequencer *seq) {
-    guint32 pending = 0;
+/* Returns the cameras that still have pictures to take in this pass. */
+static struct camera_set pass_pending(const Sequencer *seq) {
+    struct camera_set pending = {{0}};
     for (guint i = 0; i < seq->pass.n; i++)
-        pending |= seq->pass.shots[i].pending;
+        pending = camera_set_union(pending, seq->pass.shots[i].pending);
     return pending;
 }
 
@@ -65,12 +65,13 @@ void sequencer_pass_begin(Sequencer *seq) {
 }
 
 static gboolean pass_is_begun(const struct pass_shot *shot) {
-    return shot->pending != 0 && shot->pending != shot->shot->cameras;
+    return !camera_set_is_empty(shot->pending) &&
+           !camera_set_equal(shot->pending, shot->shot->cameras);
 }
 
 gboolean sequencer_pass_is_untouched(const Sequencer *seq) {
     for (guint i = 0; i < seq->pass.n; i++)
-        if (seq->pass.shots[i].pending != seq->pass.shots[i].shot->cameras)
+        if (!camera_set_equal(seq->pass.shots[i].pending, seq->pass.shots[i].shot->cameras))
             return FALSE;
     return TRUE;
 }
@@ -78,7 +79,7 @@ gboolean sequencer_pass_is_untouched(const Sequencer *seq) {
 /* Returns whether a shot is to be triggered in this turn. After a pause was requested, only shots
  * that were begun are finished. */
 static gboolean pass_wants(const Sequencer *seq, const struct pass_shot *shot) {
-    return shot->pending != 0 && (!seq->pausing || pass_is_begun(shot));
+    return !camera_set_is_empty(shot->pending) && (!seq->pausing || pass_is_begun(shot));
 }
 
 static void pass_find_next(Sequencer *seq) {
@@ -96,7 +97,7 @@ static gboolean pass_arm(Sequencer *seq) {
         for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
             struct pass_shot *shot = &seq->pass.shots[i];
             g_autoptr(GError) error = NULL;
-            if (!pass_wants(seq, shot) || !(shot->pending & 1u << c) ||
+            if (!pass_wants(seq, shot) || !camera_set_has(shot->pending, c) ||
                 camera_is_armed(seq->devices->cameras[c]) ||
                 sequencer_make_ready(seq, shot->shot, 0, c, &shot->cameras[c], &error))
                 continue;
@@ -136,7 +137,7 @@ static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *sh
                         axis_turned_from_deg(seq->devices->turntable) + turned, &us))
         return FALSE;
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
-        if (shot->pending & 1u << c)
+        if (camera_set_has(shot->pending, c))
             lead_us =
                 MAX(lead_us, seq->devices->cameras[c]->format.trigger_us +
                                  sequencer_exposure_us(seq, shot->shot, 0, &shot->cameras[c]) / 2);
@@ -148,14 +149,13 @@ static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *sh
 static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
     for (int c = 0; c < seq->devices->geometry.n_cameras && seq->state == PASSING; c++) {
         g_autoptr(GError) error = NULL;
-        const guint32 bit = 1u << c;
-        if (!(shot->pending & bit) || seq->waiting & bit)
+        if (!camera_set_has(shot->pending, c) || camera_set_has(seq->waiting, c))
             /* the camera has no picture to take, or its last frame is still awaited; in the latter
              * case the picture is taken in another turn of the table */
             continue;
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
-            seq->exposing |= bit;
-            seq->waiting |= bit;
+            camera_set_add(&seq->exposing, c);
+            camera_set_add(&seq->waiting, c);
             seq->units[c].passing = seq->pass.next;
             continue;
         }
@@ -205,7 +205,7 @@ static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double o
                 .turntable_deg = shot->shot->turntable_deg + stored_off_deg},
     };
     shot->cameras[told->camera].refused = 0;
-    shot->pending &= ~(1u << told->camera);
+    camera_set_remove(&shot->pending, told->camera);
     seq->pass.progress = TRUE;
     seq->hooks.frame(&taken, seq->hooks.data);
 }
@@ -254,7 +254,7 @@ static void pass_tell(Sequencer *seq) {
 /* Returns whether the frame that a camera takes in a shot, or the table's angle during its
  * exposure, is still awaited. */
 static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
-    if (seq->waiting & 1u << camera && seq->units[camera].passing == shot)
+    if (camera_set_has(seq->waiting, camera) && seq->units[camera].passing == shot)
         return TRUE;
     for (const GList *at = seq->pass.told.head; at; at = at->next) {
         const struct told_frame *told = at->data;
@@ -266,11 +266,13 @@ static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
 
 /* Returns whether another turn is needed if all awaited frames are accepted. */
 static gboolean pass_needs_more(const Sequencer *seq) {
-    for (guint i = 0; i < seq->pass.n; i++)
-        for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-            if (seq->pass.shots[i].pending & 1u << c && pass_wants(seq, &seq->pass.shots[i]) &&
-                !pass_awaits(seq, i, c))
+    for (guint i = 0; i < seq->pass.n; i++) {
+        const struct pass_shot *shot = &seq->pass.shots[i];
+        int c = pass_wants(seq, shot) ? camera_set_next(shot->pending, -1) : -1;
+        for (; c >= 0; c = camera_set_next(shot->pending, c))
+            if (!pass_awaits(seq, i, c))
                 return TRUE;
+    }
     return FALSE;
 }
 
@@ -283,7 +285,7 @@ static void pass_end(Sequencer *seq) {
     pass->fruitless = pass->progress ? 0 : pass->fruitless + 1;
     if (!more) {
         sequencer_pass_clear(seq);
-        seq->pending = 0;
+        seq->pending = (struct camera_set){{0}};
         sequencer_next_shot(seq);
     } else if (pass->fruitless <= seq->conf->retries) {
         pass->next = 0;
@@ -309,9 +311,10 @@ void sequencer_pass_step(Sequencer *seq) {
     pass_schedule(seq);
     if (seq->pass.next < seq->pass.n && axis_is_moving(table))
         return;
-    if (seq->exposing == 0 && !pass_needs_more(seq))
+    if (camera_set_is_empty(seq->exposing) && !pass_needs_more(seq))
         sequencer_go_on(seq);
-    if (seq->state != PASSING || seq->waiting != 0 || !g_queue_is_empty(&seq->pass.told))
+    if (seq->state != PASSING || !camera_set_is_empty(seq->waiting) ||
+        !g_queue_is_empty(&seq->pass.told))
         return;
     if (!axis_is_moving(table))
         pass_end(seq);
@@ -322,8 +325,8 @@ void sequencer_pass_step(Sequencer *seq) {
 void sequencer_pass_take(Sequencer *seq, int camera, Frame *frame) {
     const guint index = seq->units[camera].passing;
     struct pass_shot *shot = &seq->pass.shots[index];
-    seq->exposing &= ~(1u << camera);
-    seq->waiting &= ~(1u << camera);
+    camera_set_remove(&seq->exposing, camera);
+    camera_set_remove(&seq->waiting, camera);
     if (!sequencer_shorten(seq, shot->shot, 0, camera, &shot->cameras[camera], frame)) {
         struct told_frame *told = g_new(struct told_frame, 1);
         *told = (struct told_frame){index, camera, frame_ref(frame)};
@@ -336,8 +339,8 @@ void sequencer_pass_take(Sequencer *seq, int camera, Frame *frame) {
 }
 
 void sequencer_pass_refused(Sequencer *seq, int camera, const GError *error) {
-    seq->exposing &= ~(1u << camera);
-    seq->waiting &= ~(1u << camera);
+    camera_set_remove(&seq->exposing, camera);
+    camera_set_remove(&seq->waiting, camera);
     pass_refuse(seq, seq->units[camera].passing, camera, error);
     if (seq->state == PASSING)
         sequencer_pass_step(seq);

@@ -25,7 +25,7 @@ struct sequencer_unit { /* a camera */
 
 struct pass_shot { /* a shot of the pass that is under way */
     const struct session_shot *shot;
-    guint32 pending; /* bits of cameras that have not taken the shot yet */
+    struct camera_set pending; /* cameras that have not taken the shot yet */
     struct sequencer_camera cameras[RIG_MAX_CAMERAS];
 };
 
@@ -53,10 +53,10 @@ struct Sequencer {
     /* the shot under way, or NULL; the last shot that was begun, including the one under way */
     const struct session_shot *shot, *last_shot;
     int sub, n_subs;
-    /* bits of cameras that must still be triggered for this picture, or in this pass */
-    guint32 pending;
-    guint32 exposing; /* bits of cameras that were triggered; the lamp must stay on */
-    guint32 waiting;  /* bits of cameras that were triggered and have delivered no frame yet */
+    /* cameras that must still be triggered for this picture, or in this pass */
+    struct camera_set pending;
+    struct camera_set exposing; /* cameras that were triggered; the lamp must stay on */
+    struct camera_set waiting;  /* cameras that were triggered and have delivered no frame yet */
     struct sequencer_unit units[RIG_MAX_CAMERAS];
     /* state of each camera in the shot under way; in a pass, pass.shots has these states */
     struct sequencer_camera cameras[RIG_MAX_CAMERAS];

@@ -15,7 +15,7 @@ static gboolean is_continuous(const struct session_conf *conf) {
 }
 
 char *passes_refused(const struct session_conf *conf, const struct rig *rig,
-                     const struct rig_timing *timing, guint32 cameras) {
+                     const struct rig_timing *timing, struct camera_set cameras) {
     const struct axis_motion *table = &timing->turntable;
     if (!is_continuous(conf))
         return NULL;
@@ -25,7 +25,7 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
         return g_strdup("the driver of [axis turntable] does not report positions with their "
                         "times: set motion = standing");
     for (int c = 0; c < rig->n_cameras; c++)
-        if (cameras & 1u << c && timing->stamp_us[c] < 0)
+        if (camera_set_has(cameras, c) && timing->stamp_us[c] < 0)
             return g_strdup_printf("camera %s does not report when its frames were exposed, or has "
                                    "a rolling shutter: set motion = standing",
                                    rig->cameras[c].name);
@@ -46,15 +46,14 @@ static double passes_round(double deg_s) {
 }
 
 struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
-                                 const struct rig_timing *timing, guint32 cameras) {
+                                 const struct rig_timing *timing, struct camera_set cameras) {
     const struct session_grid *grid = &conf->grid;
     const double r_mm = hypot(grid->width_mm, grid->height_mm) / 2;
     const double texel_mm = MIN(grid->width_mm / grid->width, grid->height_mm / grid->height);
     const double exposure_s = exposure_s_of(conf);
     gint64 stamp_us = 0;
-    for (int c = 0; c < rig->n_cameras; c++)
-        if (cameras & 1u << c)
-            stamp_us = MAX(stamp_us, timing->stamp_us[c]);
+    for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+        stamp_us = MAX(stamp_us, timing->stamp_us[c]);
     const double pose_s = 2 * (1e-6 * (double)stamp_us + 1e-3 * timing->turntable.stamp_ms);
     const double most = DEG(conf->blur_texels * texel_mm / r_mm / MAX(exposure_s, pose_s));
     struct passes_speed ret = {.by_axis = most >= timing->turntable.speed_deg_s,
@@ -100,19 +99,18 @@ struct group {
     const struct axis_motion *table;
 };
 
-static double slowest_s(const gint64 *camera_us, guint32 cameras) {
+static double slowest_s(const gint64 *camera_us, struct camera_set cameras) {
     gint64 longest_us = 0;
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        if (cameras & 1u << c)
-            longest_us = MAX(longest_us, camera_us[c]);
+    for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+        longest_us = MAX(longest_us, camera_us[c]);
     return 1e-6 * (double)longest_us;
 }
 
 static void measure(struct group *group, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing) {
-    guint32 cameras = 0;
+    struct camera_set cameras = {{0}};
     for (int i = 0; i < group->n; i++)
-        cameras |= group->shots[i]->cameras;
+        cameras = camera_set_union(cameras, group->shots[i]->cameras);
     const struct axis_motion *table = group->table = &timing->turntable;
     const double v = passes_speed(conf, rig, timing, cameras).deg_s, ramp = axis_ramp_deg(table, v);
     group->speed_deg_s = v;
@@ -228,8 +226,8 @@ double passes_after_s(const struct session_shot *before, const struct session_sh
         return G_MAXDOUBLE;
     const double way = shot->turntable_deg - before->turntable_deg;
     const double forward = way < 0 && timing->turntable.wraps ? way + 360 : way;
-    const double s =
-        forward / passes_speed(conf, rig, timing, before->cameras | shot->cameras).deg_s;
+    const struct camera_set both = camera_set_union(before->cameras, shot->cameras);
+    const double s = forward / passes_speed(conf, rig, timing, both).deg_s;
     return s >= exposure_s_of(conf) + slowest_s(timing->trigger_us, shot->cameras) +
                        slowest_s(timing->readout_us, before->cameras) + HOST_S
                ? s

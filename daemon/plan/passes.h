@@ -25,7 +25,7 @@
  * NULL if the rig can, or if the session does not ask for passes. cameras has a bit for each
  * camera of the session. */
 char *passes_refused(const struct session_conf *conf, const struct rig *rig,
-                     const struct rig_timing *timing, guint32 cameras);
+                     const struct rig_timing *timing, struct camera_set cameras);
 
 struct passes_speed {
     double deg_s;
@@ -37,7 +37,7 @@ struct passes_speed {
     double pose_texels;          /* movement of the sample's corner during 2 δ at that speed */
 };
 struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
-                                 const struct rig_timing *timing, guint32 cameras);
+                                 const struct rig_timing *timing, struct camera_set cameras);
 
 /* Sets the pass of each of n shots, taken or not, in their order. The numbers of passes begin after
  * number. Returns the last number used. Without motion = continuous no shot is in a pass. */

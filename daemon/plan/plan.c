@@ -56,7 +56,7 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
 
 struct pose_plan { /* the pose and the cameras of shots that are to be added */
     gint64 turn_udeg, arc_udeg;
-    guint32 cameras;
+    struct camera_set cameras;
     gint64 probe_udeg; /* each stop of the probe has separate poses */
     int azimuth;       /* index into azimuths */
     enum session_shot_state state;
@@ -111,12 +111,11 @@ static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
     return TRUE;
 }
 
-/* Returns the names of cameras (bits): "cam1, cam2"; g_free(). */
-static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
+/* Returns the names of cameras: "cam1, cam2"; g_free(). */
+static char *plan_camera_names(const struct plan_build *b, struct camera_set cameras) {
     GString *names = g_string_new(NULL);
-    for (int c = 0; c < b->rig->n_cameras; c++)
-        if (cameras & 1u << c)
-            g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
+    for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+        g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
     return g_string_free(names, FALSE);
 }
 
@@ -147,11 +146,11 @@ static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *fro
         p.state = SHOT_SKIPPED;
         return add_shot(b, &p, kind, source, device, error);
     }
-    const guint32 hidden = plan_blocked_by(b->rig, p.cameras, at, b->radius_mm);
-    p.cameras &= ~hidden;
-    if (p.cameras && !add_shot(b, &p, kind, source, device, error))
+    const struct camera_set hidden = plan_blocked_by(b->rig, p.cameras, at, b->radius_mm);
+    p.cameras = camera_set_without(p.cameras, hidden);
+    if (!camera_set_is_empty(p.cameras) && !add_shot(b, &p, kind, source, device, error))
         return FALSE;
-    if (!hidden)
+    if (camera_set_is_empty(hidden))
         return TRUE;
     g_autofree char *names = plan_camera_names(b, hidden);
     if (b->conf->on_blocked == BLOCKED_REFUSE) {
@@ -176,7 +175,7 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
     } sources[] = {{SHOT_LAMP, b->lights, b->light_at}, {SHOT_SWEEP, b->lasers, b->laser_at}};
     const gboolean fixed = g_array_index(b->azimuths, struct plan_angle, p->azimuth).fixed;
 
-    for (gsize k = 0; k < G_N_ELEMENTS(sources) && p->cameras; k++)
+    for (gsize k = 0; k < G_N_ELEMENTS(sources) && !camera_set_is_empty(p->cameras); k++)
         for (guint i = 0; i < sources[k].directions->len; i++) {
             const struct session_direction *source =
                 &g_array_index(sources[k].directions, struct session_direction, i);
@@ -263,13 +262,13 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
                     b->timing->arc.min_deg, b->timing->arc.max_deg);
         return FALSE;
     }
-    guint32 blocked =
+    const struct camera_set blocked =
         plan_blocked(b->rig, turn->cameras, (double)p.arc_udeg / UDEG, b->radius_mm, lights);
-    p.cameras = turn->cameras & ~blocked;
+    p.cameras = camera_set_without(turn->cameras, blocked);
     if (!add_shots(b, &p, error))
         return FALSE;
     p.cameras = blocked;
-    return !blocked || add_blocked(b, p, lights, error);
+    return camera_set_is_empty(blocked) || add_blocked(b, p, lights, error);
 }
 
 /* Returns the angles (gint64, in 1e-6°) of the probe at which the rig's lamps shine, and the angle
@@ -294,8 +293,9 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
 
     /* A dark frame of a camera on the arm serves for all of its stops. */
     for (guint i = 0; i < b->views->len; i++)
-        dark.cameras |= 1u << rig_camera_unit(
-                            b->rig, g_array_index(b->views, struct session_direction, i).device);
+        camera_set_add(
+            &dark.cameras,
+            rig_camera_unit(b->rig, g_array_index(b->views, struct session_direction, i).device));
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
@@ -443,7 +443,7 @@ static void plan_count(const struct plan_build *b, struct plan *plan) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
-        plan->n_frames += shot_n_frames(b->conf, shot) * __builtin_popcount(shot->cameras);
+        plan->n_frames += shot_n_frames(b->conf, shot) * camera_set_count(shot->cameras);
     }
     plan->bytes = plan_bytes(b, (guint)plan->n_first, &plan->bytes_least);
 }
@@ -513,7 +513,7 @@ static double plan_standing_s(const struct plan_build *b, const struct plan_pose
 
 /* Sets plan->n_passes, n_passing and passes. */
 static void plan_count_passes(const struct plan_build *b, struct plan *plan) {
-    guint32 cameras = 0;
+    struct camera_set cameras = {{0}};
     int before = 0;
 
     if (b->conf->motion != MOTION_CONTINUOUS)
@@ -523,7 +523,8 @@ static void plan_count_passes(const struct plan_build *b, struct plan *plan) {
         plan->n_passes += shot->pass.number > 0 && shot->pass.number != before;
         plan->n_passing += shot->pass.number > 0;
         before = shot->pass.number;
-        cameras |= shot->kind == SHOT_LAMP ? shot->cameras : 0;
+        if (shot->kind == SHOT_LAMP)
+            cameras = camera_set_union(cameras, shot->cameras);
     }
     plan->passes = passes_speed(b->conf, b->rig, b->timing, cameras);
 }
@@ -563,9 +564,9 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
 }
 
 static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
-    guint32 cameras = 0;
+    struct camera_set cameras = {{0}};
     for (guint i = 0; i < b->views->len; i++)
-        cameras |= 1u << g_array_index(b->views, struct session_direction, i).device;
+        camera_set_add(&cameras, g_array_index(b->views, struct session_direction, i).device);
     g_autofree char *why = passes_refused(b->conf, b->rig, b->timing, cameras);
     if (why)
         plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", "motion", "continuous: %s",

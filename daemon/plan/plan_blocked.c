@@ -43,28 +43,27 @@ static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, do
     return FALSE;
 }
 
-guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
-                     const GArray *lights) {
-    guint32 blocked = 0;
+struct camera_set plan_blocked(const struct rig *rig, struct camera_set cameras, double arc_deg,
+                               double radius_mm, const GArray *lights) {
+    struct camera_set blocked = {{0}};
 
-    for (int c = 0; c < rig->n_cameras; c++)
-        if ((cameras & 1u << c) && is_blocked(rig, c, RAD(arc_deg), radius_mm, lights))
-            blocked |= 1u << c;
+    for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+        if (is_blocked(rig, c, RAD(arc_deg), radius_mm, lights))
+            camera_set_add(&blocked, c);
     return blocked;
 }
 
-guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
-                        double radius_mm) {
-    guint32 blocked = 0;
+struct camera_set plan_blocked_by(const struct rig *rig, struct camera_set cameras,
+                                  struct vec3 light_mm, double radius_mm) {
+    struct camera_set blocked = {{0}};
 
-    for (int c = 0; c < rig->n_cameras; c++)
-        if ((cameras & 1u << c) &&
-            hides(rig, rig_camera_centre_mm(&rig->cameras[c]), light_mm, radius_mm))
-            blocked |= 1u << c;
+    for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+        if (hides(rig, rig_camera_centre_mm(&rig->cameras[c]), light_mm, radius_mm))
+            camera_set_add(&blocked, c);
     return blocked;
 }
 
-gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
+gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, struct camera_set cameras,
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg) {
     for (gint64 shift = SHIFT_STEP_UDEG; shift <= LARGEST_SHIFT_DEG * UDEG;
@@ -73,7 +72,7 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
             gint64 reached;
             double arc_deg = (double)(arc_udeg + sign * shift) / UDEG;
             if (!plan_axis_reach(arc, arc_udeg + sign * shift, &reached) ||
-                plan_blocked(rig, cameras, arc_deg, radius_mm, lights))
+                !camera_set_is_empty(plan_blocked(rig, cameras, arc_deg, radius_mm, lights)))
                 continue;
             *ret_shift_udeg = sign * shift;
             return TRUE;
@@ -84,14 +83,17 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
 
 char *plan_missing(const struct session_plan *plan) {
     int views = 0, pictures = 0;
+    g_autoptr(GPtrArray) skipped = g_ptr_array_new();
+    for (int k = 0; k < plan->n_shots; k++)
+        if (plan->shots[k].kind == SHOT_LAMP && plan->shots[k].state == SHOT_SKIPPED)
+            g_ptr_array_add(skipped, (gpointer)&plan->shots[k]);
     for (int i = 0; i < plan->n_views; i++) {
         const struct session_direction *view = &plan->views[i];
         int n = 0;
-        for (int k = 0; k < plan->n_shots; k++) {
-            const struct session_shot *shot = &plan->shots[k];
-            n += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
-                 shot->turntable_deg == view->turntable_deg &&
-                 (shot->cameras >> view->device & 1) != 0;
+        for (guint k = 0; k < skipped->len; k++) {
+            const struct session_shot *shot = skipped->pdata[k];
+            n += shot->turntable_deg == view->turntable_deg &&
+                 camera_set_has(shot->cameras, view->device);
         }
         if (n > BTF_MAX_MISSING * plan->n_lights)
             views++;

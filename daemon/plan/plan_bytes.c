@@ -177,7 +177,7 @@ guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         for (int c = 0; c < b->rig->n_cameras; c++) {
-            if (shot->state != SHOT_PLANNED || !(shot->cameras & 1u << c))
+            if (shot->state != SHOT_PLANNED || !camera_set_has(shot->cameras, c))
                 continue;
             const int bits = b->timing->bits[c];
             const guint64 most = plan_shot_bytes(b->conf, b->rig, shot, c, bits, &footprints[c]);

@@ -287,7 +287,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
             g_strdup_printf("%s stands at elevation %.4g°", candidate->name, candidate->theta_deg);
     if (limits) {
         d.turntable_deg = (double)udeg / UDEG;
-        g_array_index(angles, struct plan_angle, at).cameras |= 1u << d.device;
+        camera_set_add(&g_array_index(angles, struct plan_angle, at).cameras, d.device);
     } else {
         g_array_append_val(angle_of, at);
     }

@@ -28,10 +28,11 @@ struct spread {
     /* n_shots × cameras: index of the view; −1 if the camera takes no picture in the shot */
     int *view_of;
     float *view_d2, *light_d2;
-    int step; /* every step-th pair is a target */
-    /* views × lights: d² to the nearest pair that is taken; −1 if the pair is not a target */
-    float *nearest;
-    float *widest; /* for each view: the maximum of nearest over the lights */
+    /* The targets, which are at most MAX_TARGETS of the pairs. Those of view v, in order of their
+     * lights, are first_of[v] … first_of[v + 1] − 1. */
+    int *first_of, *light_of;
+    float *nearest; /* for each target: d² to the nearest pair that is taken */
+    float *widest;  /* for each view: the maximum of nearest over its targets */
 };
 
 static gboolean plan_lamps_wanted(const struct session_shot *shot) {
@@ -73,7 +74,7 @@ static void add_directions(struct spread *s) {
         const struct session_shot *shot = s->shots[i];
         for (int c = 0; c < s->rig->n_cameras; c++)
             s->view_of[i * s->rig->n_cameras + c] =
-                plan_lamps_wanted(shot) && shot->cameras & 1u << c
+                plan_lamps_wanted(shot) && camera_set_has(shot->cameras, c)
                     ? plan_lamps_view(s, known, shot, c)
                     : -1;
         if (!plan_lamps_wanted(shot))
@@ -89,21 +90,30 @@ static void add_directions(struct spread *s) {
     }
 }
 
+/* Every step-th pair is a target. */
 static void add_targets(struct spread *s) {
-    const int n_lights = (int)s->lights->len;
-    int pairs = 0, k = 0;
-    s->nearest = g_new(float, (gsize)s->views->len *(gsize)n_lights + 1);
-    s->widest = g_new0(float, s->views->len + 1);
-    for (guint i = 0; i < s->views->len * (guint)n_lights; i++)
-        s->nearest[i] = -1;
-    for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++)
+    const guint n_views = s->views->len, n_lights = s->lights->len;
+    const gsize n = (gsize)s->n_shots * (gsize)s->rig->n_cameras;
+    g_autofree gboolean *is_target = g_new0(gboolean, (gsize)n_views * n_lights + 1);
+    int pairs = 0, k = 0, n_targets = 0;
+    for (gsize i = 0; i < n; i++)
         pairs += s->view_of[i] >= 0;
-    s->step = MAX(1, (pairs + MAX_TARGETS - 1) / MAX_TARGETS);
-    for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++) {
-        if (s->view_of[i] < 0 || k++ % s->step != 0)
-            continue;
-        s->nearest[s->view_of[i] * n_lights + s->shots[i / s->rig->n_cameras]->source] = FARTHEST;
-        s->widest[s->view_of[i]] = FARTHEST;
+    const int step = MAX(1, (pairs + MAX_TARGETS - 1) / MAX_TARGETS);
+    for (gsize i = 0; i < n; i++)
+        if (s->view_of[i] >= 0 && k++ % step == 0)
+            is_target[(gsize)s->view_of[i] * n_lights +
+                      (gsize)s->shots[i / (gsize)s->rig->n_cameras]->source] = TRUE;
+    s->first_of = g_new0(int, n_views + 1);
+    s->light_of = g_new(int, pairs / step + 1);
+    s->nearest = g_new(float, pairs / step + 1);
+    s->widest = g_new0(float, n_views + 1);
+    for (guint v = 0; v < n_views; v++) {
+        for (guint l = 0; l < n_lights; l++)
+            if (is_target[(gsize)v * n_lights + l]) {
+                s->light_of[n_targets] = (int)l;
+                s->nearest[n_targets++] = s->widest[v] = FARTHEST;
+            }
+        s->first_of[v + 1] = n_targets;
     }
 }
 
@@ -113,6 +123,8 @@ static void clear(struct spread *s) {
     g_free(s->view_of);
     g_free(s->view_d2);
     g_free(s->light_d2);
+    g_free(s->first_of);
+    g_free(s->light_of);
     g_free(s->nearest);
     g_free(s->widest);
 }
@@ -124,12 +136,11 @@ static double pair_gain(const struct spread *s, int view, int light) {
     double sum = 0;
     for (guint v = 0; v < n_views; v++) {
         const float to_view = s->view_d2[(gsize)view * n_views + v];
-        const float *nearest = s->nearest + (gsize)v * n_lights;
         float row = 0;
         if (to_view >= s->widest[v])
             continue;
-        for (guint l = 0; l < n_lights; l++)
-            row += MAX(nearest[l] - to_view - to_light[l], 0.0f);
+        for (int t = s->first_of[v]; t < s->first_of[v + 1]; t++)
+            row += MAX(s->nearest[t] - to_view - to_light[s->light_of[t]], 0.0f);
         sum += (double)row;
     }
     return sum;
@@ -137,13 +148,13 @@ static double pair_gain(const struct spread *s, int view, int light) {
 
 static void take_pair(struct spread *s, int view, int light) {
     const guint n_views = s->views->len, n_lights = s->lights->len;
+    const float *to_light = s->light_d2 + (gsize)light * n_lights;
     for (guint v = 0; v < n_views; v++) {
-        float *nearest = s->nearest + (gsize)v * n_lights;
+        const float to_view = s->view_d2[(gsize)view * n_views + v];
         s->widest[v] = 0;
-        for (guint l = 0; l < n_lights; l++) {
-            nearest[l] = MIN(nearest[l], s->view_d2[(gsize)view * n_views + v] +
-                                             s->light_d2[(gsize)light * n_lights + l]);
-            s->widest[v] = MAX(s->widest[v], nearest[l]);
+        for (int t = s->first_of[v]; t < s->first_of[v + 1]; t++) {
+            s->nearest[t] = MIN(s->nearest[t], to_view + to_light[s->light_of[t]]);
+            s->widest[v] = MAX(s->widest[v], s->nearest[t]);
         }
     }
 }

@@ -105,7 +105,7 @@ static void note_bytes(const struct plan_build *b, GPtrArray *notes) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         for (int c = 0; c < b->rig->n_cameras && shot->state == SHOT_PLANNED; c++)
-            if (shot->cameras & 1u << c && plan_bytes_vary(&b->rig->cameras[c])) {
+            if (camera_set_has(shot->cameras, c) && plan_bytes_vary(&b->rig->cameras[c])) {
                 vary = TRUE;
                 sweeps |= shot->kind == SHOT_SWEEP;
             }

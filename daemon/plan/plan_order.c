@@ -38,7 +38,8 @@ struct orderer {
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
-    double readout_s;
+    const double *readout_of_s; /* read-out time of each shot */
+    double readout_s;           /* the longest of them in the block */
     /* index of the lamp that is on after the last shot of the order; −1 if no lamp is on */
     int lit;
 };
@@ -83,7 +84,7 @@ static void collect(struct orderer *o) {
         struct pose_shots *pose = &o->poses[shot->pose];
         // NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): set for every pose above
         g_array_append_val(shot->kind == SHOT_LAMP ? pose->lamps : pose->sweeps, i);
-        o->readout_s = MAX(o->readout_s, plan_readout_s(shot, o->timing));
+        o->readout_s = MAX(o->readout_s, o->readout_of_s[i]);
     }
     for (int p = 0; p < n_poses; p++) {
         g_array_sort_with_data(o->poses[p].lamps, compare_lamps, o->shots);
@@ -143,26 +144,36 @@ static void order_by_poses(struct orderer *o, Order *order) {
         append_pose(o, order, &o->poses[poses[i]]);
 }
 
-static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
-    const GArray *lamps = o->poses[pose].lamps;
+/* Returns, for each lamp of the rig, the poses (GArray of int, ascending) with a shot of the lamp.
+ */
+static GPtrArray *poses_of_lamps(const struct orderer *o) {
+    GPtrArray *ret = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
 
-    for (guint i = 0; i < lamps->len; i++)
-        if (shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
-            return TRUE;
-    return FALSE;
+    for (int lamp = 0; lamp < o->rig->n_lamps; lamp++)
+        g_ptr_array_add(ret, g_array_new(FALSE, FALSE, sizeof(int)));
+    for (int p = 0; p < o->moves->n; p++)
+        for (guint i = 0; i < o->poses[p].lamps->len; i++) {
+            const guint index = g_array_index(o->poses[p].lamps, guint, i);
+            GArray *poses = ret->pdata[shot_at(o->shots, index)->device];
+            if (poses->len == 0 || g_array_index(poses, int, poses->len - 1) != p)
+                g_array_append_val(poses, p);
+        }
+    return ret;
 }
 
 /* Returns the lamp that is needed in most of the poses with sweeps, or −1 if there is none. */
 static int lamp_beside_sweeps(const struct orderer *o) {
+    g_autoptr(GPtrArray) poses_of = poses_of_lamps(o);
     int best = -1, most = 0;
 
-    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++) {
+    for (guint lamp = 0; lamp < poses_of->len; lamp++) {
+        const GArray *poses = poses_of->pdata[lamp];
         int n = 0;
-        for (int p = 0; p < o->moves->n; p++)
-            n += o->poses[p].sweeps->len > 0 && has_lamp(o, p, lamp);
+        for (guint i = 0; i < poses->len; i++)
+            n += o->poses[g_array_index(poses, int, i)].sweeps->len > 0;
         if (n > most) {
             most = n;
-            best = lamp;
+            best = (int)lamp;
         }
     }
     return best;
@@ -174,16 +185,17 @@ static int lamp_beside_sweeps(const struct orderer *o) {
  * sweeps of poses without that lamp come at the end. If beside is −1, all sweeps come at the
  * end. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
-    g_autofree int *poses = g_new(int, o->moves->n);
+    g_autofree int *left = g_new(int, o->moves->n); /* poses whose sweeps come at the end */
+    g_autofree gboolean *is_beside = g_new0(gboolean, o->moves->n);
+    g_autoptr(GPtrArray) poses_of = poses_of_lamps(o);
 
-    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++) {
-        int n = 0;
-        for (int p = 0; p < o->moves->n; p++)
-            if (has_lamp(o, p, lamp))
-                poses[n++] = p;
-        plan_tour(o->moves, poses, n, o->readout_s);
-        for (int k = 0; k < n; k++) {
+    for (int lamp = 0; lamp < o->rig->n_lamps; lamp++) {
+        const GArray *with_lamp = poses_of->pdata[lamp];
+        int *poses = (int *)(gpointer)with_lamp->data;
+        plan_tour(o->moves, poses, (int)with_lamp->len, o->readout_s);
+        for (guint k = 0; k < with_lamp->len; k++) {
             const struct pose_shots *shots = &o->poses[poses[k]];
+            is_beside[poses[k]] |= lamp == beside;
             for (guint i = 0; i < shots->lamps->len; i++) {
                 guint index = g_array_index(shots->lamps, guint, i);
                 if (shot_at(o->shots, index)->device == lamp)
@@ -195,11 +207,11 @@ static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     }
     int n = 0;
     for (int p = 0; p < o->moves->n; p++)
-        if (o->poses[p].sweeps->len && !has_lamp(o, p, beside))
-            poses[n++] = p;
-    plan_tour(o->moves, poses, n, o->readout_s);
+        if (o->poses[p].sweeps->len && !is_beside[p])
+            left[n++] = p;
+    plan_tour(o->moves, left, n, o->readout_s);
     for (int k = 0; k < n; k++)
-        append_sweeps(o, order, o->poses[poses[k]].sweeps);
+        append_sweeps(o, order, o->poses[left[k]].sweeps);
 }
 
 static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
@@ -260,7 +272,7 @@ static double between(gconstpointer data, int from, int to) {
     if (from < 0 && to < 0)
         return 0;
     if (to < 0)
-        return plan_readout_s(shot_at(o->shots, (guint)from), o->timing);
+        return o->readout_of_s[from];
     const struct session_shot *next = shot_at(o->shots, (guint)to);
     if (from < 0)
         from = o->before;
@@ -268,7 +280,8 @@ static double between(gconstpointer data, int from, int to) {
         return plan_lead_s(o->dark, next, o->rig, o->timing);
     const struct session_shot *before = shot_at(o->shots, (guint)from);
     double move_s = plan_move_s(o->moves, before->pose, next->pose);
-    double lead_s = plan_lead_s(before, next, o->rig, o->timing);
+    /* plan_lead_s(), with the read-out time that is known already */
+    double lead_s = MAX(plan_light_s(before, next, o->rig, o->timing), o->readout_of_s[from]);
     return MAX(move_s, lead_s);
 }
 
@@ -420,12 +433,16 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
                       enum session_order wanted) {
     struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
     g_autofree int *block_of = g_new0(int, shots->len);
+    g_autofree double *readout_of_s = g_new(double, shots->len + 1);
     const int n_blocks = block_by_mount(shots, timing, block_of);
     int visit = -1, pose = -1;
 
-    for (guint i = 0; i < shots->len; i++)
+    for (guint i = 0; i < shots->len; i++) {
+        readout_of_s[i] = plan_readout_s(shot_at(shots, i), timing);
         if (shot_at(shots, i)->kind == SHOT_DARK)
             o.dark = shot_at(shots, i);
+    }
+    o.readout_of_s = readout_of_s;
     o.moves = plan_moves_new(poses, n_poses, timing);
     g_autoptr(GArray) order = wanted == ORDER_VIEWS
                                   ? in_blocks(&o, block_of, n_blocks, nested_of_block)

@@ -16,15 +16,15 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle that some view or light needs. For views (cameras is not 0), it is an angle of the
- * turntable at which these cameras show a view. For lights (cameras is 0), it is the angle of the
- * arc minus the angle of the turntable. All fixed lamps and lasers (those that are not on the arc)
- * share one entry (fixed). The arc, if the rig has one, stands at 0 for this entry. If one of the
- * cameras is on the arm (on_arm), all cameras of the entry that are on the arm are at one of its
- * stops, arm_udeg. */
+/* An angle that some view or light needs. For views (cameras is not empty), it is an angle of the
+ * turntable at which these cameras show a view. For lights (cameras is empty), it is the angle of
+ * the arc minus the angle of the turntable. All fixed lamps and lasers (those that are not on the
+ * arc) share one entry (fixed). The arc, if the rig has one, stands at 0 for this entry. If one of
+ * the cameras is on the arm (on_arm), all cameras of the entry that are on the arm are at one of
+ * its stops, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
-    guint32 cameras;
+    struct camera_set cameras;
     gboolean fixed;
     gboolean on_arm;
     gint64 arm_udeg;
@@ -86,18 +86,18 @@ gboolean plan_is_absent(const struct axis_motion *motion);
  * none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
-/* Returns those of the cameras (bits) that cannot see the whole disc of radius_mm around the origin
+/* Returns those of the cameras that cannot see the whole disc of radius_mm around the origin
  * because the arc or a light is in the way, or that shade the disc from a light. lights contains
  * the positions of the lights (struct vec3) with the arc at 0. */
-guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
-                     const GArray *lights);
+struct camera_set plan_blocked(const struct rig *rig, struct camera_set cameras, double arc_deg,
+                               double radius_mm, const GArray *lights);
 /* The same as plan_blocked() for one fixed light, without the arc. */
-guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
-                        double radius_mm);
+struct camera_set plan_blocked_by(const struct rig *rig, struct camera_set cameras,
+                                  struct vec3 light_mm, double radius_mm);
 
 /* Finds the smallest turn of the arc, in steps of 0.1° up to 20°, after which none of the cameras
  * is blocked. Returns FALSE if there is none within the limits of the axis. */
-gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
+gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, struct camera_set cameras,
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
@@ -197,6 +197,11 @@ int plan_set_passes(GArray *shots, const struct session_conf *conf, const struct
 /* Returns the time from the start of the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing);
+
+/* Returns the time in seconds in which the light of a shot becomes ready after another shot.
+ * previous is NULL if no shot precedes. */
+double plan_light_s(const struct session_shot *previous, const struct session_shot *shot,
+                    const struct rig *rig, const struct rig_timing *timing);
 
 /* Returns the minimum time between the last exposure of a shot and the first exposure of the next
  * shot in the same pose: warm-up, return of the sweep axis, read-out. previous is NULL if no shot

@@ -30,7 +30,7 @@ static int compare(gconstpointer a, gconstpointer b, gpointer data) {
         return x < y ? -1 : 1;
     if (s->source != t->source)
         return s->source - t->source;
-    return s->cameras < t->cameras ? -1 : s->cameras > t->cameras;
+    return camera_set_compare(s->cameras, t->cameras);
 }
 
 GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n) {
@@ -83,7 +83,7 @@ static void choose(const struct session_conf *conf, const struct rig *rig,
 
     for (guint i = 0; i < group->len; i++)
         for (int c = 0; c < rig->n_cameras; c++)
-            if (!models[c] && shots[g_array_index(group, int, i)]->cameras & 1u << c)
+            if (!models[c] && camera_set_has(shots[g_array_index(group, int, i)]->cameras, c))
                 models[c] = plan_sweep_model(rig, c, shots, group);
     for (int round = 0; round < conf->laser_first; round++) {
         double most = 0;
@@ -94,7 +94,7 @@ static void choose(const struct session_conf *conf, const struct rig *rig,
             if (taken >> i & 1 || shot->state == SHOT_SKIPPED)
                 continue;
             for (int c = 0; c < rig->n_cameras; c++)
-                if (shot->cameras & 1u << c)
+                if (camera_set_has(shot->cameras, c))
                     sum += coverage_model_adds(models[c], taken, (int)i);
             if (sum > most) {
                 most = sum;

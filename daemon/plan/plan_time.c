@@ -15,9 +15,8 @@
 static double slowest_s(const struct session_shot *shot, const gint64 *camera_us) {
     gint64 longest_us = 0;
 
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        if (shot->cameras & 1u << c)
-            longest_us = MAX(longest_us, camera_us[c]);
+    for (int c = camera_set_next(shot->cameras, -1); c >= 0; c = camera_set_next(shot->cameras, c))
+        longest_us = MAX(longest_us, camera_us[c]);
     return longest_us / 1e6;
 }
 
@@ -51,11 +50,10 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     return sum_s;
 }
 
-/* Returns the time in seconds in which the light of a shot becomes ready. For a sweep, the sweep
- * axis is assumed to stand where this sweep ends, because the laser's previous sweep ended
- * there. */
-static double light_s(const struct session_shot *previous, const struct session_shot *shot,
-                      const struct rig *rig, const struct rig_timing *timing) {
+/* For a sweep, the sweep axis is assumed to stand where this sweep ends, because the laser's
+ * previous sweep ended there. */
+double plan_light_s(const struct session_shot *previous, const struct session_shot *shot,
+                    const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
         return MAX(
             timing->laser_warm_up_s[shot->device],
@@ -71,7 +69,7 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
                    const struct rig *rig, const struct rig_timing *timing) {
     double readout_s = previous ? plan_readout_s(previous, timing) : 0;
 
-    return MAX(light_s(previous, shot, rig, timing), readout_s);
+    return MAX(plan_light_s(previous, shot, rig, timing), readout_s);
 }
 
 struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig *rig) {
@@ -244,7 +242,7 @@ static double quickest_into(const struct plan_moves *moves, int pose, const int 
 static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
                          const struct rig *rig, const struct rig_timing *timing,
                          const int *with_lamp, double into_s, double readout_s) {
-    double warm_s = light_s(NULL, shot, rig, timing);
+    double warm_s = plan_light_s(NULL, shot, rig, timing);
 
     if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
         return MAX(warm_s, readout_s);
@@ -259,7 +257,7 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
                         const struct rig_timing *timing, double readout_s,
                         struct pose_bound *bounds) {
     g_autofree int *used = g_new0(int, moves->n);
-    g_autofree int *lamps = g_new0(int, (gsize)moves->n *RIG_MAX_LAMPS);
+    g_autofree int *lamps = g_new0(int, (gsize)moves->n *(gsize)rig->n_lamps + 1);
 
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define MAX_DIRECTIONS 1024
+#define MAX_DIRECTIONS 4096
 /* Limit of the number of steps: frames/sweep.c stores the step of a pixel's peak in 15 bits. */
 #define MAX_SWEEP_STEPS G_MAXINT16
 

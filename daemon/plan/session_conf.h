@@ -16,7 +16,7 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
     int count;
 };
 
-#define PLAN_MAX_RINGS   32
+#define PLAN_MAX_RINGS   256
 #define PLAN_MAX_BRACKET 12
 
 /* Keys of [capture] that may be "auto". The program that begins the session takes test shots,

@@ -26,7 +26,7 @@
 #include "drivers/laser.h"
 #include "geometry/rig.h"
 
-#define DEVICES_MAX_BANKS      8
+#define DEVICES_MAX_BANKS      64
 #define DEVICES_MAX_INTERLOCKS 4
 
 /* Speeds, delays and limits of the devices, for predicting durations. Indices are those of struct

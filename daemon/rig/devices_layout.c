@@ -120,7 +120,8 @@ static gboolean count_up(int *n, int most, const struct config_section *section,
         return TRUE;
     }
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                          "there are too many sections of this class: at most %d are allowed",
+                          "there are too many sections of this class: at most %d are allowed (each "
+                          "stop of a camera or lamp counts as one)",
                           most);
 }
 

@@ -221,7 +221,8 @@ static void make_shots(struct import_set *set) {
             g_array_append_val(set->shots, shot);
         }
         row->shot = (int)set->shots->len - 1;
-        g_array_index(set->shots, struct session_shot, row->shot).cameras |= 1u << row->camera;
+        camera_set_add(&g_array_index(set->shots, struct session_shot, row->shot).cameras,
+                       row->camera);
         before = row;
     }
 }
@@ -265,7 +266,7 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
             steps(other->turntable_deg) != steps(view->turntable_deg))
             continue;
         if (other->state == SHOT_SKIPPED) { /* the shot was already added for another camera */
-            other->cameras |= 1u << view->device;
+            camera_set_add(&other->cameras, view->device);
             return TRUE;
         }
         shot.arc_deg = other->arc_deg;
@@ -274,7 +275,7 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
     }
     shot.id = set->shots->len + 1;
     shot.pose = (int)set->shots->len;
-    shot.cameras = 1u << view->device;
+    shot.cameras = camera_set_of(view->device);
     if (known)
         g_array_append_val(set->shots, shot);
     return known;

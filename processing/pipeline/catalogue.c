@@ -214,7 +214,7 @@ static const struct session_shot *find_shot(const struct catalogue *catalogue,
         g_hash_table_lookup(catalogue->by_source, source_key(kind, source, view->turntable_deg));
     for (guint i = 0; shots && i < shots->len; i++) {
         const struct session_shot *shot = g_ptr_array_index(shots, i);
-        if ((shot->cameras >> view->device & 1) != 0)
+        if (camera_set_has(shot->cameras, view->device))
             return shot;
     }
     return NULL;

@@ -12,6 +12,7 @@
  * to one thread at a time. */
 #pragma once
 
+#include "base/camera_set.h"
 #include "base/work.h"
 
 #include <gio/gio.h>
@@ -86,8 +87,8 @@ struct session_shot {
     double turntable_deg, arc_deg; /* commanded angles */
     /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
-    int device;      /* index of the lamp or laser; −1 for dark */
-    guint32 cameras; /* bit c is set if camera c takes part */
+    int device;                /* index of the lamp or laser; −1 for dark */
+    struct camera_set cameras; /* the cameras that take part */
     /* first and last angle of the laser; only for SHOT_SWEEP */
     double sweep_from_deg, sweep_to_deg;
     int sweep_steps;

@@ -48,8 +48,9 @@ static gboolean check_frames(const Session *session, gint64 shot, enum session_s
         if (frame->shot != shot)
             return refuse(session, frame, error,
                           "the frame is committed with shot %" G_GINT64_FORMAT, shot);
-        if (frame->camera < 0 || frame->camera > 31)
-            return refuse(session, frame, error, "the number of the camera must be 0 to 31");
+        if (frame->camera < 0 || frame->camera >= CAMERA_SET_MAX)
+            return refuse(session, frame, error, "the number of the camera must be 0 to %d",
+                          CAMERA_SET_MAX - 1);
         if (!session_is_relative(frame->path))
             return refuse(session, frame, error, "the path leads out of the session");
         if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64)

@@ -86,9 +86,32 @@ static gboolean insert_directions(Session *session, const struct session_directi
     return TRUE;
 }
 
+/* Sets *ret to the number of a set of cameras for the column cameras. sets (of struct camera_set)
+ * has the sets that are stored as values; a set that is not among them is added and stored. */
+static gboolean insert_cameras(Session *session, struct camera_set cameras, GArray *sets,
+                               gint64 *ret, GError **error) {
+    if (camera_set_next(cameras, SESSION_MASK_CAMERAS - 1) < 0) {
+        *ret = 0;
+        for (int c = camera_set_next(cameras, -1); c >= 0; c = camera_set_next(cameras, c))
+            *ret |= (gint64)1 << c;
+        return TRUE;
+    }
+    guint i = 0;
+    while (i < sets->len && !camera_set_equal(g_array_index(sets, struct camera_set, i), cameras))
+        i++;
+    *ret = -(gint64)i - 1;
+    if (i < sets->len)
+        return TRUE;
+    g_array_append_val(sets, cameras);
+    g_autofree char *key = g_strdup_printf(SESSION_CAMERAS "%u", i + 1);
+    g_autofree char *text = camera_set_to_text(cameras);
+    return session_db_run(session, error, "INSERT INTO value VALUES (?1, ?2)", "ss", key, text);
+}
+
 /* Inserts all rows of the plan, within one transaction of the caller. */
 static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
     const struct session_grid *grid = &plan->grid;
+    g_autoptr(GArray) sets = g_array_new(FALSE, FALSE, sizeof(struct camera_set));
     gboolean ok =
         session_db_run(session, error, "INSERT INTO grid VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6)",
                        "iidddd", grid->width, grid->height, grid->width_mm, grid->height_mm,
@@ -99,14 +122,16 @@ static gboolean insert_plan(Session *session, const struct session_plan *plan, G
 
     for (int i = 0; ok && i < plan->n_shots; i++) {
         const struct session_shot *shot = &plan->shots[i];
+        gint64 cameras;
 
-        ok = session_db_run(
-            session, error,
-            "INSERT INTO shot VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
-            "lsiddiilddiss", shot->id, session_shot_kinds[shot->kind], shot->pose,
-            shot->turntable_deg, shot->arc_deg, shot->source, shot->device, (gint64)shot->cameras,
-            shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
-            session_shot_states[shot->state], shot->note);
+        ok = insert_cameras(session, shot->cameras, sets, &cameras, error) &&
+             session_db_run(
+                 session, error,
+                 "INSERT INTO shot VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+                 "lsiddiilddiss", shot->id, session_shot_kinds[shot->kind], shot->pose,
+                 shot->turntable_deg, shot->arc_deg, shot->source, shot->device, cameras,
+                 shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
+                 session_shot_states[shot->state], shot->note);
     }
     return ok;
 }

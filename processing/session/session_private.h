@@ -55,6 +55,12 @@ Session *session_open_locked(const char *path, enum session_mode mode, int lock,
  * process holds the lock. */
 int session_lock(const char *path, GError **error);
 
+/* A set of cameras in the column cameras of the table shot. If all cameras are below
+ * SESSION_MASK_CAMERAS, the number has bit c for camera c. Otherwise it is −n, and the value
+ * SESSION_CAMERAS "n" has the text of the set (camera_set_to_text()). */
+#define SESSION_MASK_CAMERAS 63
+#define SESSION_CAMERAS      "cameras/"
+
 gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);
 void session_rollback(Session *session);

@@ -5,9 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_TEXELS  16384
-#define MAX_NUMBER  1000000 /* maximum number of devices, poses and steps */
-#define MAX_CAMERAS 32
+#define MAX_TEXELS 16384
+#define MAX_NUMBER 1000000 /* maximum number of devices, poses and steps */
 
 const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
 const char *const session_shot_states[] = {"planned", "done", "skipped", NULL};
@@ -255,10 +254,21 @@ static void shot_free(gpointer data) {
     g_free(shot);
 }
 
+/* Reads a set of cameras: its number, and the value that a negative number refers to, or NULL. */
+static gboolean read_cameras(gint64 number, const char *value, struct camera_set *ret) {
+    if (number < 0)
+        return value && *value && camera_set_from_text(value, ret);
+    for (int c = 0; c < SESSION_MASK_CAMERAS; c++)
+        if (number >> c & 1)
+            camera_set_add(ret, c);
+    return TRUE;
+}
+
 /* Returns NULL with an error if the row violates the checks. */
 static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError **error) {
     struct session_shot *shot = g_new0(struct session_shot, 1);
-    gint64 cameras = sqlite3_column_int64(row, 7);
+    const gint64 cameras = sqlite3_column_int64(row, 7);
+    const char *value = (const char *)sqlite3_column_text(row, 15);
 
     shot->id = sqlite3_column_int64(row, 0);
     shot->kind = (enum session_shot_kind)column_choice(row, 1, session_shot_kinds);
@@ -267,17 +277,18 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
     shot->arc_deg = sqlite3_column_double(row, 4);
     shot->source = column_int(row, 5);
     shot->device = column_int(row, 6);
-    shot->cameras = (guint32)cameras;
     shot->sweep_from_deg = sqlite3_column_double(row, 8);
     shot->sweep_to_deg = sqlite3_column_double(row, 9);
     shot->sweep_steps = column_int(row, 10);
     shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
     shot->note = session_db_text(row, 12);
-    if (cameras < 0 || cameras > G_MAXUINT32)
+    if (!read_cameras(cameras, value, &shot->cameras))
         wrong(error,
               "the cameras of shot %" G_GINT64_FORMAT " are %" G_GINT64_FORMAT
-              ", but must be bits of an unsigned number of 32 bits",
-              shot->id, cameras);
+              ", so that the value " SESSION_CAMERAS "%" G_GUINT64_FORMAT
+              " must be their numbers in ascending order, 0 to %d, but it is %s%s%s",
+              shot->id, cameras, 0 - (guint64)cameras, CAMERA_SET_MAX - 1, value ? "“" : "",
+              value ? value : "missing", value ? "”" : "");
     else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
         return shot;
     shot_free(shot);
@@ -290,7 +301,9 @@ GPtrArray *session_shots(Session *session, GError **error) {
         "SELECT id, kind, pose, turntable_deg, arc_deg, source, device, cameras, sweep_from_deg,"
         " sweep_to_deg, sweep_steps, state, note,"
         " (SELECT count(*) FROM direction WHERE kind = 'light'),"
-        " (SELECT count(*) FROM direction WHERE kind = 'laser') FROM shot ORDER BY id",
+        " (SELECT count(*) FROM direction WHERE kind = 'laser'),"
+        " (SELECT value FROM value WHERE key = '" SESSION_CAMERAS "' || -cameras)"
+        " FROM shot ORDER BY id",
         NULL, shot_free, read_shot, error);
 }
 
@@ -314,10 +327,10 @@ static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError 
     frame->captured_s = sqlite3_column_double(row, 6);
     frame->turned = sqlite3_column_type(row, 7) != SQLITE_NULL;
     frame->turntable_deg = frame->turned ? column_number(row, 7) : 0;
-    if (frame->camera < 0 || frame->camera >= MAX_CAMERAS)
+    if (frame->camera < 0 || frame->camera >= CAMERA_SET_MAX)
         wrong(error,
               "a frame of shot %" G_GINT64_FORMAT " has the camera %d, but must have 0 to %d",
-              frame->shot, frame->camera, MAX_CAMERAS - 1);
+              frame->shot, frame->camera, CAMERA_SET_MAX - 1);
     else if (!session_is_relative(frame->path))
         wrong(error,
               "the frame of camera %d in shot %" G_GINT64_FORMAT " has a path out of the "

@@ -89,7 +89,7 @@ static gboolean find_pairs(Session *session, const GPtrArray *shots, enum sessio
     *ret = (struct pairs){0};
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind != kind || shot->state != SHOT_DONE || !(shot->cameras >> c & 1))
+        if (shot->kind != kind || shot->state != SHOT_DONE || !camera_set_has(shot->cameras, c))
             continue;
         g_autofree char *relative = session_frame_path(shot, camera->name);
         g_autofree char *folder = session_file(session, relative);

@@ -275,7 +275,7 @@ class Session:
         self.lasers = _planned(by_kind["laser"])
         self.texts = {name: content for name, content in rows("SELECT name, content FROM text")}
         self.values = {key: value for key, value in rows("SELECT key, value FROM value")}
-        self.shots = [_shot(row) for row in rows("SELECT * FROM shot ORDER BY id")]
+        self.shots = [self._shot(row) for row in rows("SELECT * FROM shot ORDER BY id")]
         self.frames = [
             self._frame(row) for row in rows("SELECT * FROM frame ORDER BY shot, camera")
         ]
@@ -284,6 +284,15 @@ class Session:
             Product(*row)
             for row in rows("SELECT path, made_by, sha256, bytes FROM product ORDER BY path")
         ]
+
+    def _shot(self, row: sqlite3.Row) -> Shot:
+        fields = {name: row[name] for name in Shot._fields}
+        number = row["cameras"]
+        if number >= 0:
+            fields["cameras"] = tuple(k for k in range(63) if number >> k & 1)
+        else:  # a set with a camera above 62 is a value
+            fields["cameras"] = tuple(int(k) for k in self.values[f"cameras/{-number}"].split())
+        return Shot(**fields)
 
     def _frame(self, row: sqlite3.Row) -> Frame:
         fields = {name: row[name] for name in Frame._fields[:-1]}
@@ -380,12 +389,6 @@ def _planned(rows: List[sqlite3.Row]) -> PlannedDirections:
         turntable_deg=np.array([row["turntable_deg"] for row in rows], np.float64),
         note=[row["note"] for row in rows],
     )
-
-
-def _shot(row: sqlite3.Row) -> Shot:
-    fields = {name: row[name] for name in Shot._fields}
-    fields["cameras"] = tuple(k for k in range(32) if row["cameras"] >> k & 1)
-    return Shot(**fields)
 
 
 def find_session(path: str) -> Optional[Session]:

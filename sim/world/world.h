@@ -17,8 +17,8 @@
 
 #include <gio/gio.h>
 
-#define WORLD_MAX_CAMERAS 31
-#define WORLD_MAX_LAMPS   128
+#define WORLD_MAX_CAMERAS 256
+#define WORLD_MAX_LAMPS   1024
 #define WORLD_MAX_LASERS  16
 
 typedef struct World World;

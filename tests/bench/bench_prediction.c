@@ -108,7 +108,7 @@ static void prediction_bench_shots(struct prediction_scene *scene) {
         *to = (struct prediction_shot){scene->shot_pairs + used, 0, 1};
         for (int v = 0; v < scene->n_views; v++) {
             const struct session_direction *view = scene->views->pdata[v];
-            if ((shot->cameras >> view->device & 1) == 0 ||
+            if (!camera_set_has(shot->cameras, view->device) ||
                 fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
                 continue;
             if (used == scene->n_pairs)
@@ -135,7 +135,7 @@ static void prediction_bench_trace_view(int v, gpointer data) {
     g_autofree float *rgb = g_new(float, 3 * n);
     for (guint i = 0; i < scene->all_shots->len; i++) {
         const struct session_shot *shot = scene->all_shots->pdata[i];
-        if (shot->kind != SHOT_LAMP || !(shot->cameras >> view->device & 1) ||
+        if (shot->kind != SHOT_LAMP || !camera_set_has(shot->cameras, view->device) ||
             fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
             continue;
         truth_btf(scene->world, view->device, shot->device, shot->turntable_deg, shot->arc_deg,

@@ -267,7 +267,7 @@ static void reprojection_bench_trace(struct scene *scene, const char *path) {
         scene->truth[k] = g_new0(float, 3 * n * n_lights);
         for (guint i = 0; i < shots->len; i++) {
             const struct session_shot *shot = shots->pdata[i];
-            if (shot->kind != SHOT_LAMP || !(shot->cameras >> view->device & 1) ||
+            if (shot->kind != SHOT_LAMP || !camera_set_has(shot->cameras, view->device) ||
                 fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
                 continue;
             truth_btf(world, view->device, shot->device, shot->turntable_deg, shot->arc_deg, &grid,

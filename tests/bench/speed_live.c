@@ -65,7 +65,7 @@ static void take(struct live *live, gboolean drop) {
         struct session_shot *begun = g_new0(struct session_shot, 1);
         *begun = (struct session_shot){.id = live->shots->len + 1,
                                        .kind = SHOT_SWEEP,
-                                       .cameras = (1u << CAMERAS) - 1,
+                                       .cameras = {{(1u << CAMERAS) - 1}},
                                        .sweep_from_deg = -3,
                                        .sweep_to_deg = 3,
                                        .sweep_steps = STEPS};

@@ -41,7 +41,7 @@ static void make_plan(const struct rig *rig, int views, struct session_plan *pla
                                         .arc_deg = 3.0 * (i % LIGHTS),
                                         .source = i % LIGHTS,
                                         .device = light[i % LIGHTS].device,
-                                        .cameras = 1u << CAMERA};
+                                        .cameras = camera_set_of(CAMERA)};
     plan->views = view;
     plan->lights = light;
     plan->shots = shot;

@@ -67,8 +67,8 @@ TEST(moves) {
             g_assert_cmpfloat_with_epsilon(moved.rotation.m[i / 3][i % 3],
                                            rig.cameras[c].rotation.m[i / 3][i % 3], 1e-12);
     }
-    g_assert_cmpfloat(rig_arm_deg(&rig, 1u << 2 | 1u << 6), ==, 25);
-    g_assert_cmpfloat(rig_arm_deg(&rig, 0), ==, -10); /* the first stop */
+    g_assert_cmpfloat(rig_arm_deg(&rig, (struct camera_set){{1u << 2 | 1u << 6}}), ==, 25);
+    g_assert_cmpfloat(rig_arm_deg(&rig, (struct camera_set){{0}}), ==, -10); /* the first stop */
 }
 
 TEST(fit) {
@@ -79,7 +79,7 @@ TEST(fit) {
     const struct rig exact = rig_about(axis, centre, RAD(0.3), 0, rand);
     struct rig_swing_fit fit;
 
-    g_assert_true(rig_swing_fit(&exact, 0xff, &nominal, &fit));
+    g_assert_true(rig_swing_fit(&exact, (struct camera_set){{0xff}}, &nominal, &fit));
     g_assert_cmpint(fit.n_pairs, ==, 12);
     g_assert_cmpfloat(vec3_length(vec3_sub(fit.swing.axis, axis)), <, 1e-9);
     const struct vec3 off = vec3_sub(fit.swing.centre_mm, centre);
@@ -91,14 +91,14 @@ TEST(fit) {
 
     /* Positions off by up to 0.1 mm, and directions as they then look at the middle. */
     const struct rig rough = rig_about(axis, centre, RAD(0.3), 0.1, rand);
-    g_assert_true(rig_swing_fit(&rough, 0xff, &nominal, &fit));
+    g_assert_true(rig_swing_fit(&rough, (struct camera_set){{0xff}}, &nominal, &fit));
     g_assert_cmpfloat(vec3_length(vec3_cross(fit.swing.axis, axis)), <, RAD(0.02));
     g_assert_cmpfloat(fit.position_rms_mm, >, 0.02);
     g_assert_cmpfloat(fit.position_rms_mm, <, 0.4);
 
     /* One stop of each tells nothing. */
-    g_assert_false(rig_swing_fit(&exact, 1u << 1 | 1u << 6, &nominal, &fit));
-    g_assert_true(rig_swing_fit(&exact, 1u << 1 | 1u << 3, &nominal, &fit));
+    g_assert_false(rig_swing_fit(&exact, (struct camera_set){{1u << 1 | 1u << 6}}, &nominal, &fit));
+    g_assert_true(rig_swing_fit(&exact, (struct camera_set){{1u << 1 | 1u << 3}}, &nominal, &fit));
     g_assert_cmpint(fit.n_pairs, ==, 1);
 }
 

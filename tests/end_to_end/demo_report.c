@@ -98,7 +98,7 @@ static int lasers_of_view(const struct report *report, const struct session_dire
     for (guint i = 0; i < report->shots->len; i++) {
         const struct session_shot *shot = g_ptr_array_index(report->shots, i);
         if (shot->kind != SHOT_SWEEP || shot->state != SHOT_DONE ||
-            !(shot->cameras & (1u << view->device)) ||
+            !camera_set_has(shot->cameras, view->device) ||
             fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
             continue;
         arc_deg[n] = shot->arc_deg;
@@ -197,7 +197,7 @@ static const struct session_shot *find_lamp_shot(const struct report *report,
     for (guint i = 0; i < report->shots->len; i++) {
         const struct session_shot *shot = g_ptr_array_index(report->shots, i);
         if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE && shot->source == light &&
-            (shot->cameras & (1u << view->device)) &&
+            camera_set_has(shot->cameras, view->device) &&
             fabs(shot->turntable_deg - view->turntable_deg) < 1e-6)
             return shot;
     }

@@ -147,7 +147,8 @@ static void compare_btf(Session *session, World *world, const char *path, GArray
     struct exr_part *part = ok(exr_read_part(path, "light_0001", ERR));
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind != SHOT_LAMP || shot->source != 1 || !(shot->cameras >> view->device & 1) ||
+        if (shot->kind != SHOT_LAMP || shot->source != 1 ||
+            !camera_set_has(shot->cameras, view->device) ||
             fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
             continue;
         truth_btf(world, view->device, shot->device, shot->turntable_deg, shot->arc_deg, &grid, 24,

@@ -135,7 +135,7 @@ static struct errors btf_errors(const char *session_path, const char *world_path
             const struct session_direction *view = views->pdata[v];
             const struct session_shot *shot = shots->pdata[i];
             if (shot->kind != SHOT_LAMP || shot->source % every != (int)v % every ||
-                !(shot->cameras >> view->device & 1) ||
+                !camera_set_has(shot->cameras, view->device) ||
                 fabs(shot->turntable_deg - view->turntable_deg) > 1e-6)
                 continue;
             g_autofree char *path =
@@ -468,7 +468,8 @@ TEST(arm) {
     struct rig meant;
     struct rig_swing_fit fit;
     g_assert_true(devices_read_geometry(DEMO "arm/rig.conf", &meant, &error));
-    g_assert_true(rig_swing_fit(rig, ~(1u << left_out), &meant, &fit));
+    g_assert_true(
+        rig_swing_fit(rig, (struct camera_set){{~((guint64)1 << left_out)}}, &meant, &fit));
     const double zero_deg = DEG * fit.zero_rad - arm.zero_deg;
     g_free(process_mesorig(0, "process %s", session));
     const struct errors calibrated = btf_errors(session, world_path, 16, 2);

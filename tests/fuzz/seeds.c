@@ -166,9 +166,9 @@ static void write_database(const char *folder) {
     static const struct session_texts texts = {"[rig]\n", "[session]\n", "", "/etc/rig.conf"};
     const struct session_direction view = {.theta_deg = 30, .phi_deg = 10, .note = (char[]){"n"}};
     const struct session_shot shots[] = {
-        {.id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1},
-        {.id = 2, .kind = SHOT_LAMP, .cameras = 1},
-        {.id = 3, .kind = SHOT_SWEEP, .cameras = 1, .sweep_to_deg = 1, .sweep_steps = 3}};
+        {.id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = {{1}}},
+        {.id = 2, .kind = SHOT_LAMP, .cameras = {{1}}},
+        {.id = 3, .kind = SHOT_SWEEP, .cameras = {{1}}, .sweep_to_deg = 1, .sweep_steps = 3}};
     const struct session_plan plan = {
         .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1},
         .views = &view,

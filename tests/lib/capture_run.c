@@ -227,7 +227,7 @@ void run_check_whole(const char *path) {
         const struct session_shot *shot = shots->pdata[i];
         g_assert_cmpint(shot->state, !=, SHOT_PLANNED);
         if (shot->state == SHOT_DONE)
-            expected += __builtin_popcount(shot->cameras);
+            expected += camera_set_count(shot->cameras);
     }
     g_assert_cmpint(frames->len, ==, expected);
     g_autofree char *state = session_value(session, "state");

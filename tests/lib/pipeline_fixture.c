@@ -27,7 +27,7 @@ static void plan_shots(struct fixture *fixture) {
                                       .arc_deg = fixture_turn_deg(turn) + 40 + 70 * source,
                                       .source = source,
                                       .device = 0,
-                                      .cameras = (1 << N_CAMERAS) - 1,
+                                      .cameras = {{(1 << N_CAMERAS) - 1}},
                                       .sweep_from_deg = sweep ? from_deg : 0,
                                       .sweep_to_deg = sweep ? to_deg : 0,
                                       .sweep_steps = sweep ? N_STEPS : 0};

@@ -402,7 +402,7 @@ static void use_session(Session *session, int *ret_refused) {
 TEST(session_in_use) {
     static const struct session_texts texts = {"", "", "", NULL};
     const struct session_shot shot = {
-        .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1};
+        .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = {{1}}};
     const struct session_plan plan = {
         .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1},
         .shots = &shot,

@@ -390,7 +390,7 @@ static void find_pairs(Lamps *lamps, const GPtrArray *views) {
             *pair = -1;
             for (guint v = 0; v < views->len && shot->kind == SHOT_LAMP; v++) {
                 const struct session_direction *view = views->pdata[v];
-                if (shot->cameras >> c & 1 && view->device == c &&
+                if (camera_set_has(shot->cameras, c) && view->device == c &&
                     fabs(remainder(view->turntable_deg - shot->turntable_deg, 360)) < 1e-6)
                     *pair = (int)v * lamps->n_lights + shot->source;
             }

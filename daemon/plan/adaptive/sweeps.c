@@ -99,10 +99,10 @@ static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int s
     const struct session_shot *shot = sweeps->shots->pdata[g_array_index(group->shots, int, sweep)];
     double sum = 0;
     for (int c = 0; c < sweeps->rig->n_cameras; c++)
-        if (shot->cameras & 1u << c)
+        if (camera_set_has(shot->cameras, c))
             sum += group->views[c] ? coverage_view_expects(group->views[c], group->models[c], sweep)
                                    : coverage_model_lights(group->models[c], 0, 0, sweep);
-    return sum / MAX(__builtin_popcount(shot->cameras), 1);
+    return sum / MAX(camera_set_count(shot->cameras), 1);
 }
 
 /* Adds the sweeps of a group that join the next round to ret: at most MAX_MORE sweeps, each with a
@@ -125,7 +125,7 @@ static void choose_group(const Sweeps *sweeps, const struct group *group, guint6
             if (joined >> i & 1)
                 continue;
             for (int c = 0; c < sweeps->rig->n_cameras; c++)
-                if (shot->cameras & 1u << c) {
+                if (camera_set_has(shot->cameras, c)) {
                     before += coverage_model_adds(group->models[c], chosen, (int)i);
                     after += coverage_model_adds(group->models[c], joined, (int)i);
                 }
@@ -198,7 +198,7 @@ Sweeps *sweeps_new(Session *session, const struct session_conf *conf, const GPtr
             const int number = g_array_index(group->shots, int, i);
             g_hash_table_insert(sweeps->group_of, GINT_TO_POINTER(number + 1), group);
             for (int c = 0; c < rig->n_cameras; c++)
-                if (!group->models[c] && shots[number]->cameras & 1u << c)
+                if (!group->models[c] && camera_set_has(shots[number]->cameras, c))
                     group->models[c] = plan_sweep_model(rig, c, shots, group->shots);
         }
     }

@@ -230,7 +230,7 @@ TEST(radiance) {
     int n[2] = {0};
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
+        if (shot->kind != SHOT_LAMP || !camera_set_has(shot->cameras, 0))
             continue;
         struct exr_part *part = radiance_of(run_undisturbed(), shot);
         mean[shot->device] += exr_part_plane(part, "Y")[16 * 32 + 16];
@@ -551,7 +551,7 @@ TEST(too_bright) {
     int shorter = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
+        if (shot->kind != SHOT_LAMP || !camera_set_has(shot->cameras, 0))
             continue;
         struct exr_part *part = radiance_of(run->session, shot);
         const char *exposures = NULL;
@@ -608,7 +608,7 @@ static double lacks_of_bent_camera(gboolean known) {
     double lacks = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind == SHOT_LAMP && (shot->cameras & 1))
+        if (shot->kind == SHOT_LAMP && camera_set_has(shot->cameras, 0))
             lacks = MAX(lacks, 1 - radiance_ratio(run->session, run_undisturbed(), shot));
     }
     run_free(run);

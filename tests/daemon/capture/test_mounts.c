@@ -296,7 +296,7 @@ static void check_same_shot(const char *a, const struct session_shot *of_a, cons
                             const struct session_shot *of_b) {
     static const char *const cameras[] = {"cam30", "cam60"};
     for (int c = 0; c < 2; c++) {
-        if (!(of_a->cameras & 1u << c))
+        if (!camera_set_has(of_a->cameras, c))
             continue;
         g_autofree char *a_name = session_frame_path(of_a, cameras[c]);
         g_autofree char *b_name = session_frame_path(of_b, cameras[c]);
@@ -315,8 +315,8 @@ static void check_same_sweeps(const char *a, const char *b) {
         n += s->kind == SHOT_SWEEP;
         for (guint k = 0; s->kind == SHOT_SWEEP && k < of_b->len; k++) {
             const struct session_shot *t = of_b->pdata[k];
-            if (t->kind != SHOT_SWEEP || t->source != s->source || t->cameras != s->cameras ||
-                t->turntable_deg != s->turntable_deg)
+            if (t->kind != SHOT_SWEEP || t->source != s->source ||
+                !camera_set_equal(t->cameras, s->cameras) || t->turntable_deg != s->turntable_deg)
                 continue;
             check_same_shot(a, s, b, t);
             matched++;
@@ -392,7 +392,8 @@ static void lose_sweeps(const char *path, int laser) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->kind != SHOT_SWEEP || shot->device != laser)
             continue;
-        g_autofree char *name = session_frame_path(shot, shot->cameras & 1 ? "cam30" : "cam60");
+        g_autofree char *name =
+            session_frame_path(shot, camera_set_has(shot->cameras, 0) ? "cam30" : "cam60");
         g_autofree char *file = g_build_filename(path, name, NULL);
         g_assert_cmpint(g_remove(file), ==, 0);
     }

@@ -38,7 +38,7 @@ static GArray *shots_at(const double *deg, int n, int device) {
                                           .turntable_deg = deg[i],
                                           .arc_deg = 15,
                                           .device = device,
-                                          .cameras = 1};
+                                          .cameras = {{1}}};
         g_array_append_val(shots, shot);
     }
     return shots;
@@ -62,7 +62,7 @@ TEST(speed) {
     struct rig rig = plan_case_rig(demo, 5);
     struct rig_timing t = timing();
     g_auto(SessionConf) conf = conf_with("exposures_us = 8000\n");
-    struct passes_speed speed = passes_speed(&conf, &rig, &t, 1);
+    struct passes_speed speed = passes_speed(&conf, &rig, &t, camera_set_of(0));
     g_assert_cmpfloat(speed.deg_s, ==, 39); /* of 39.57, down to two digits */
     g_assert_false(speed.by_axis || speed.by_pose);
     g_assert_cmpfloat_with_epsilon(speed.blur_texels, 0.25 * 39 / 39.57, 1e-3);
@@ -70,7 +70,7 @@ TEST(speed) {
     g_assert_cmpfloat(speed.pose_texels, ==, 0);
 
     conf.exposures_us[0] = 1000;
-    speed = passes_speed(&conf, &rig, &t, 1);
+    speed = passes_speed(&conf, &rig, &t, camera_set_of(0));
     g_assert_true(speed.by_axis);
     g_assert_cmpfloat(speed.deg_s, ==, 60);
 
@@ -78,18 +78,18 @@ TEST(speed) {
     conf.exposures_us[0] = 8000;
     t.turntable.stamp_ms = 7;
     t.stamp_us[0] = 1000;
-    speed = passes_speed(&conf, &rig, &t, 1);
+    speed = passes_speed(&conf, &rig, &t, camera_set_of(0));
     g_assert_true(speed.by_pose);
     g_assert_cmpfloat(speed.deg_s, ==, 19);
     g_assert_cmpfloat(speed.pose_texels, <=, 0.25);
     g_assert_cmpfloat(speed.blur_texels, <, 0.13);
     t.stamp_us[1] = 100000; /* takes no part */
-    g_assert_cmpfloat(passes_speed(&conf, &rig, &t, 1).deg_s, ==, 19);
+    g_assert_cmpfloat(passes_speed(&conf, &rig, &t, camera_set_of(0)).deg_s, ==, 19);
 }
 
 static void refused(const struct session_conf *conf, const struct rig_timing *t, const char *says) {
     struct rig rig = plan_case_rig(demo, 5);
-    g_autofree char *why = passes_refused(conf, &rig, t, 3);
+    g_autofree char *why = passes_refused(conf, &rig, t, (struct camera_set){{3}});
     if (says)
         g_assert_nonnull(strstr(why, says));
     else

@@ -23,7 +23,7 @@ static GArray *pairs_of(const struct plan *plan, const gboolean *chosen) {
         for (int v = 0; v < plan->session.n_views; v++) {
             const struct session_direction *view = &plan->session.views[v];
             if (shot->kind != SHOT_LAMP || (chosen && !chosen[i]) ||
-                !(shot->cameras >> view->device & 1) ||
+                !camera_set_has(shot->cameras, view->device) ||
                 fabs(remainder(view->turntable_deg - shot->turntable_deg, 360)) > 1e-6)
                 continue;
             const struct session_direction *light = &plan->session.lights[shot->source];

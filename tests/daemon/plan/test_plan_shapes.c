@@ -57,8 +57,8 @@ TEST(dome) {
     g_assert_cmpint(two->session.n_lights, ==, 2);
     g_assert_cmpint(two->session.lights[1].device, ==, 127);
     session_conf_clear(&conf);
-    conf = plan_case_conf("[views]\nrings=0:1\n[lights]\ndevices=led3; led129\n");
-    plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "there is no [lamp led129]");
+    conf = plan_case_conf("[views]\nrings=0:1\n[lights]\ndevices=led3; led1025\n");
+    plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "there is no [lamp led1025]");
     session_conf_clear(&conf);
     conf = plan_case_conf("[views]\nrings=0:1\n[lights]\nrings=30:4\n");
     plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LAMP, "devices = all");
@@ -66,7 +66,8 @@ TEST(dome) {
     conf = plan_case_conf("[views]\nrings=0:1\n[lasers]\ndevices=all\n");
     plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_NO_LASER, "there is no laser");
 
-    /* cameras that stand around: no other views than theirs */
+    /* cameras that stand around, beside some of the lamps: no other views than theirs */
+    rig.n_lamps = 128;
     rig_camera_look_at(&rig.cameras[0], at_mm(40, 100, 650), vec3(0, 0, 0));
     session_conf_clear(&conf);
     conf = plan_case_conf("[views]\nrings=40:1:100.3\n[lights]\ndevices=all\n");
@@ -125,7 +126,7 @@ TEST(fixed_lamps) {
         for (int v = 0; v < 32; v++) {
             const struct session_direction *view = &plan->session.views[v];
             seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
-                                     (shot->cameras >> view->device & 1) != 0;
+                                     camera_set_has(shot->cameras, view->device);
         }
     }
     for (int v = 0; v < 32; v++)
@@ -193,6 +194,7 @@ TEST(arm) {
 
     timing.arc = (struct axis_motion){0};
     timing.arm = (struct axis_motion){0, 40, FALSE, 10, 20, 0, 500};
+    rig.arm.axis = vec3(0, 1, 0);
     rig.n_cameras = 5;
     rig.cameras[0].on_arm = FALSE;
     for (int c = 1; c < 5; c++) {
@@ -204,18 +206,19 @@ TEST(arm) {
     g_autoptr(Plan) plan = plan_case_build(&conf, &rig, &timing);
     g_assert_cmpint(plan->session.n_views, ==, 40);
     g_assert_cmpint(plan->session.n_shots, ==, 1 + 8 * 4 * 16); /* the still one joins the others */
-    g_assert_cmpint((int)plan->session.shots[0].cameras, ==, 3); /* a dark frame of each device */
+    /* a dark frame of each device */
+    g_assert_true(camera_set_equal(plan->session.shots[0].cameras, (struct camera_set){{3}}));
     for (int i = 1; i < plan->session.n_shots; i++) {
         const struct session_shot *shot = &plan->session.shots[i];
         const double at_deg = rig_arm_deg(&rig, shot->cameras);
         moves += at_deg != arm_deg;
         arm_deg = at_deg;
         for (int c = 1; c < 5; c++)
-            g_assert_true(!(shot->cameras & 1u << c) || at_deg == rig.cameras[c].arm_deg);
+            g_assert_true(!camera_set_has(shot->cameras, c) || at_deg == rig.cameras[c].arm_deg);
         for (int v = 0; v < 40; v++) {
             const struct session_direction *view = &plan->session.views[v];
             seen[v][shot->source] += view->turntable_deg == shot->turntable_deg &&
-                                     (shot->cameras >> view->device & 1) != 0;
+                                     camera_set_has(shot->cameras, view->device);
         }
     }
     for (int v = 0; v < 40; v++)
@@ -239,6 +242,7 @@ TEST(probe) {
     struct rig_timing timing = plan_case_timing(20);
 
     timing.probe = (struct axis_motion){0, 60, FALSE, 30, 60, 0, 200};
+    rig.probe.axis = vec3(0, 1, 0);
     rig.n_lamps = 3;
     for (int l = 0; l < 3; l++) {
         const double theta_deg = 15 + 30 * l;

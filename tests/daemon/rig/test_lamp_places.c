@@ -269,8 +269,8 @@ struct bad {
 };
 
 static const struct bad bad_keys[] = {
-    {"count = 129\ndistance_mm = 9\n", 1, "count: 129 is out of range: 0 to 128"},
-    {"count = 0\ndistance_mm = 9\n", 1, "count: is 0; give 1 to 128 lamps"},
+    {"count = 1025\ndistance_mm = 9\n", 1, "count: 1025 is out of range: 0 to 1024"},
+    {"count = 0\ndistance_mm = 9\n", 1, "count: is 0; give 1 to 1024 lamps"},
     {"count = 9\n", 0, "distance_mm: must be given, as 1 to 100000 mm"},
     {"rings = 9:2\ndistance_mm = 0.5\n", 2, "distance_mm: must be given"},
     {"count = 9\ndistance_mm = 9\nrings = 9:2\n", 3, "rings: says where the lamps are, as count"},
@@ -283,9 +283,9 @@ static const struct bad bad_keys[] = {
     {"rings = 15:8; 95:2\ndistance_mm = 9\n", 1, "rings: \"95:2\" is not"},
     {"rings = 15:2.5\ndistance_mm = 9\n", 1, "rings: \"15:2.5\" is not"},
     {"rings = 15:2:400\ndistance_mm = 9\n", 1, "rings: \"15:2:400\" is not"},
-    {"rings = 0:2\ndistance_mm = 9\n", 1, "count from 1 to 128 (1 at theta 0)"},
+    {"rings = 0:2\ndistance_mm = 9\n", 1, "count from 1 to 1024 (1 at theta 0)"},
     {"rings = \ndistance_mm = 9\n", 1, "rings: names no lamp"},
-    {"rings = 15:100; 20:100\ndistance_mm = 9\n", 1, "rings: names too many lamps"},
+    {"rings = 15:600; 20:600\ndistance_mm = 9\n", 1, "rings: names too many lamps; give 1 to 1024"},
     {"theta_deg = 15; 90\nphi_deg = 0\ndistance_mm = 9\n", 1, "theta_deg: 90 is out of range"},
     {"theta_deg = 15; 30\ndistance_mm = 9\n", 0, "phi_deg: must be given, because there is no"},
     {"radius_mm = 9\ncount = 3\n", 1, "radius_mm"},
@@ -332,8 +332,8 @@ struct bad_file {
 
 static const struct bad_file bad_files[] = {
     {"a.lp", "", 1, "this line states 0 lights"},
-    {"a.lp", "a 1 2 300\n", 1, "“a 1 2 300” is not the number of lights, 1 to 128"},
-    {"a.lp", "129\n", 1, "“129” is not the number of lights, 1 to 128"},
+    {"a.lp", "a 1 2 300\n", 1, "“a 1 2 300” is not the number of lights, 1 to 1024"},
+    {"a.lp", "1025\n", 1, "“1025” is not the number of lights, 1 to 1024"},
     {"a.lp", "2\na 1 2 300\n", 1, "this line states 2 lights, but the file lists 1"},
     {"a.lp", "1\na 1 2 300\nb 1 2 300\n", 1, "states 1 lights, but the file lists 2"},
     {"a.lp", "1\na 1 x 300\n", 2, "“x” is not a number"},

@@ -44,7 +44,7 @@ static struct session_shot sweep_of(int laser) {
                                  .kind = SHOT_SWEEP,
                                  .source = laser,
                                  .device = laser,
-                                 .cameras = 1,
+                                 .cameras = {{1}},
                                  .sweep_from_deg = -6,
                                  .sweep_to_deg = 6,
                                  .sweep_steps = STEPS};

@@ -108,12 +108,15 @@ TEST(edited) {
         "UPDATE shot SET sweep_from_deg = 9e999 WHERE id = 2",
         "UPDATE shot SET sweep_to_deg = 9e999 WHERE id = 2",
         "UPDATE shot SET note = CAST (x'ff' AS TEXT) WHERE id = 2",
-        "UPDATE shot SET cameras = -1 WHERE id = 2",
-        "UPDATE shot SET cameras = 99999999999 WHERE id = 2",
+        "UPDATE shot SET cameras = -1000 WHERE id = 2", /* a set that is not stored */
+        "UPDATE shot SET cameras = -9223372036854775808 WHERE id = 2",
+        "UPDATE value SET value = '' WHERE key = 'cameras/1'",
+        "UPDATE value SET value = '0 256' WHERE key = 'cameras/1'",
+        "UPDATE value SET value = '70 3' WHERE key = 'cameras/1'",
         "INSERT INTO frame VALUES (1, 0, '../a.exr', '', 1, 0, 0)",
         "INSERT INTO frame VALUES (1, 0, '/a.exr', '', 1, 0, 0)",
         "INSERT INTO frame VALUES (1, -1, 'a.exr', '', 1, 0, 0)",
-        "INSERT INTO frame VALUES (1, 32, 'a.exr', '', 1, 0, 0)",
+        "INSERT INTO frame VALUES (1, 256, 'a.exr', '', 1, 0, 0)",
         "INSERT INTO frame VALUES (1, 0, 'a.exr', '', -1, 0, 0)",
     };
     g_autofree char *path = session_fixture_path("edited");

@@ -163,7 +163,7 @@ TEST(changed_comments) {
 TEST(changed_rows) {
     static const char *const changes[] = {
         "UPDATE shot SET id = 77 WHERE id = 3",
-        "UPDATE shot SET cameras = -1 WHERE id = 3",
+        "UPDATE shot SET cameras = -1000 WHERE id = 3",
         "UPDATE shot SET sweep_steps = 99999999999 WHERE id = 3",
         "UPDATE shot SET kind = 'lamp', source = 4000 WHERE id = 3",
         "UPDATE shot SET arc_deg = 9e999 WHERE id = 3",

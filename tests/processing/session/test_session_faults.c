@@ -355,10 +355,10 @@ static void make_session(const char *path) {
     static const struct session_direction directions[] = {
         {0, 0, 30, 10, 20, NULL}, {1, 1, 50, 20, 30, (char *)"moved: 3° → 4°"}};
     static const struct session_shot shots[] = {
-        {1, SHOT_DARK, 0, 10, 20, -1, -1, 1, 0, 0, 0, SHOT_PLANNED, NULL},
-        {2, SHOT_LAMP, 0, 10, 20, 0, 0, 1, 0, 0, 0, SHOT_PLANNED, (char *)"moved"},
-        {3, SHOT_LAMP, 1, 30, 20, 1, 0, 1, 0, 0, 0, SHOT_PLANNED, NULL},
-        {4, SHOT_SWEEP, 1, 30, 20, 0, 0, 1, -5, 5, 9, SHOT_SKIPPED, (char *)"in the way"},
+        {1, SHOT_DARK, 0, 10, 20, -1, -1, {{1}}, 0, 0, 0, SHOT_PLANNED, NULL},
+        {2, SHOT_LAMP, 0, 10, 20, 0, 0, {{1}}, 0, 0, 0, SHOT_PLANNED, (char *)"moved"},
+        {3, SHOT_LAMP, 1, 30, 20, 1, 0, {{1}}, 0, 0, 0, SHOT_PLANNED, NULL},
+        {4, SHOT_SWEEP, 1, 30, 20, 0, 0, {{1}}, -5, 5, 9, SHOT_SKIPPED, (char *)"in the way"},
     };
     const struct session_plan plan = {.grid = {4, 4, 10, 10, 0, 1},
                                       .views = directions,

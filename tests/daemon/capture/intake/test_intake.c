@@ -220,12 +220,12 @@ struct bench {
 };
 
 static struct session_shot dark_shot = {
-    .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1};
+    .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = {{1}}};
 static struct session_shot lamp_shot = {
-    .id = 2, .kind = SHOT_LAMP, .turntable_deg = 30, .arc_deg = 45.5, .cameras = 1};
+    .id = 2, .kind = SHOT_LAMP, .turntable_deg = 30, .arc_deg = 45.5, .cameras = {{1}}};
 static struct session_shot sweep_shot = {.id = 3,
                                          .kind = SHOT_SWEEP,
-                                         .cameras = 1,
+                                         .cameras = {{1}},
                                          .sweep_from_deg = -3,
                                          .sweep_to_deg = 4,
                                          .sweep_steps = 20};

@@ -1,0 +1,112 @@
+/*
+ * A set of cameras of a rig. Each stop of a camera on the camera arm is a camera of its own
+ * (geometry/rig.h). Plain data: {0} is the empty set, and = copies a set. Any thread.
+ *
+ *     struct camera_set shown = camera_set_of(3);
+ *     camera_set_add(&shown, 70);
+ *     for (int c = camera_set_next(shown, -1); c >= 0; c = camera_set_next(shown, c))
+ *         ... c is 3, then 70
+ */
+#pragma once
+
+#include <glib.h>
+
+#define CAMERA_SET_MAX 256 /* the cameras 0 … CAMERA_SET_MAX − 1 can be in a set */
+
+#define CAMERA_SET_WORD_BITS 64
+#define CAMERA_SET_WORDS     (CAMERA_SET_MAX / CAMERA_SET_WORD_BITS)
+
+struct camera_set {
+    guint64
+        words[CAMERA_SET_WORDS]; /* bit c % 64 of word c / 64 is set if camera c is in the set */
+};
+
+static inline guint64 camera_set_bit(int camera) {
+    return (guint64)1 << camera % CAMERA_SET_WORD_BITS;
+}
+
+/* Return whether a camera is in a set, whether a set is empty, and whether two sets are equal. A
+ * camera that cannot be in a set (−1, CAMERA_SET_MAX) is in no set. */
+static inline gboolean camera_set_has(struct camera_set set, int camera) {
+    return camera >= 0 && camera < CAMERA_SET_MAX &&
+           (set.words[camera / CAMERA_SET_WORD_BITS] & camera_set_bit(camera)) != 0;
+}
+static inline gboolean camera_set_is_empty(struct camera_set set) {
+    guint64 any = 0;
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        any |= set.words[i];
+    return any == 0;
+}
+static inline gboolean camera_set_equal(struct camera_set a, struct camera_set b) {
+    guint64 differs = 0;
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        differs |= a.words[i] ^ b.words[i];
+    return differs == 0;
+}
+
+/* Add a camera to a set, and remove it. camera must be 0 … CAMERA_SET_MAX − 1. */
+static inline void camera_set_add(struct camera_set *set, int camera) {
+    set->words[camera / CAMERA_SET_WORD_BITS] |= camera_set_bit(camera);
+}
+static inline void camera_set_remove(struct camera_set *set, int camera) {
+    set->words[camera / CAMERA_SET_WORD_BITS] &= ~camera_set_bit(camera);
+}
+
+/* Returns the set with one camera. */
+static inline struct camera_set camera_set_of(int camera) {
+    struct camera_set set = {{0}};
+    camera_set_add(&set, camera);
+    return set;
+}
+
+/* Return the cameras that are in a or in b, in both, and in a but not in b. */
+static inline struct camera_set camera_set_union(struct camera_set a, struct camera_set b) {
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        a.words[i] |= b.words[i];
+    return a;
+}
+static inline struct camera_set camera_set_both(struct camera_set a, struct camera_set b) {
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        a.words[i] &= b.words[i];
+    return a;
+}
+static inline struct camera_set camera_set_without(struct camera_set a, struct camera_set b) {
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        a.words[i] &= ~b.words[i];
+    return a;
+}
+
+static inline int camera_set_count(struct camera_set set) {
+    int n = 0;
+    for (int i = 0; i < CAMERA_SET_WORDS; i++)
+        n += __builtin_popcountll(set.words[i]);
+    return n;
+}
+
+/* Compares sets, for sorting. Of two sets that differ, the one with the highest camera that is in
+ * only one of them is the greater one. Returns −1, 0 or 1. */
+static inline int camera_set_compare(struct camera_set a, struct camera_set b) {
+    for (int i = CAMERA_SET_WORDS - 1; i >= 0; i--)
+        if (a.words[i] != b.words[i])
+            return a.words[i] < b.words[i] ? -1 : 1;
+    return 0;
+}
+
+/* Returns the lowest camera of a set above `after`, or −1 if there is none. after is −1 for the
+ * lowest camera of the set. */
+static inline int camera_set_next(struct camera_set set, int after) {
+    const int first = after + 1;
+    for (int i = first / CAMERA_SET_WORD_BITS; i < CAMERA_SET_WORDS; i++) {
+        const int from = MAX(first - i * CAMERA_SET_WORD_BITS, 0);
+        const guint64 left = set.words[i] >> from;
+        if (left != 0)
+            return i * CAMERA_SET_WORD_BITS + from + __builtin_ctzll(left);
+    }
+    return -1;
+}
+
+/* Returns the numbers of the cameras in ascending order, such as "0 3 70"; g_free(). */
+char *camera_set_to_text(struct camera_set set);
+/* Reads the text of camera_set_to_text(). Returns FALSE and does not change ret if the text is not
+ * such a text, for instance if a number is out of range, is given twice, or is out of order. */
+gboolean camera_set_from_text(const char *text, struct camera_set *ret);
