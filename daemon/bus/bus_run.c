@@ -54,11 +54,12 @@ static void show_thumbnails(struct bus_run *run) {
     const gint64 now_us = g_get_monotonic_time();
     for (int i = 0; i < run->rig->devices->geometry.n_cameras; i++) {
         if (now_us < run->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
-            continue; /* making a thumbnail takes time, so this is tested first */
-        const struct capture_thumbnail *thumbnail = capture_thumbnail(run->capture, i);
-        if (!thumbnail || thumbnail->time_s == run->thumbnail_time_s[i])
             continue;
-        run->thumbnail_time_s[i] = thumbnail->time_s;
+        /* The thumbnail is made when a client asks for it. */
+        const double time_s = capture_picture_time_s(run->capture, i);
+        if (time_s < 0 || time_s == run->thumbnail_time_s[i])
+            continue;
+        run->thumbnail_time_s[i] = time_s;
         run->thumbnail_sent_us[i] = now_us;
         bus_rig1_emit_thumbnail_changed(run->rig->object,
                                         run->rig->devices->geometry.cameras[i].name);

@@ -440,3 +440,8 @@ const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) 
         return NULL;
     return latest_picture_thumbnail(&capture->latest[camera]);
 }
+
+double capture_picture_time_s(const Capture *capture, int camera) {
+    const struct latest_picture *latest = &capture->latest[camera];
+    return latest->frame ? latest->time_s : -1;
+}

@@ -114,3 +114,7 @@ void capture_get_status(Capture *capture, struct capture_status *ret);
 /* Returns the latest picture of a camera, scaled so that the 99th percentile is white. Returns NULL
  * before the first picture. The capture owns it. Valid until control returns to the main loop. */
 const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera);
+/* Returns the time of a camera's latest picture in seconds on the session's clock, or −1 before the
+ * first picture. Unlike capture_thumbnail(), it does not make the thumbnail, which takes long for a
+ * large picture. */
+double capture_picture_time_s(const Capture *capture, int camera);

@@ -47,6 +47,7 @@ struct WebRig {
     guint again_id;
     WebRigNews news;
     gpointer news_data;
+    GVariant *told_places; /* places in the last "state" that had them; NULL if there were none */
     guint state_id;
     GQueue events; /* of char *, JSON, the oldest first */
     GArray *samples;
@@ -92,20 +93,28 @@ static void add_safety(GVariantBuilder *to, BusRig1 *bus) {
     g_variant_builder_add(to, "{sv}", "unsafe", unsafe ? unsafe : g_variant_new_strv(NULL, 0));
 }
 
-/* Adds the pose and the light of the last shot, and the places of cameras, lamps and lasers. */
+/* Adds the pose and the light of the last shot. */
 static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
-    GVariant *pose = bus_rig1_get_pose(bus), *list = bus_rig1_get_places(bus);
-    GVariantBuilder places;
+    GVariant *pose = bus_rig1_get_pose(bus);
     const char *class_name, *name;
-    double turntable_deg, arc_deg, theta_deg, phi_deg;
-    gboolean carried;
-    if (!pose || !list) /* a daemon of an earlier version does not have these properties */
+    double turntable_deg, arc_deg;
+    if (!pose) /* a daemon of an earlier version does not have this property */
         return;
     g_variant_get(pose, "(dd&s&s)", &turntable_deg, &arc_deg, &class_name, &name);
     add_number(to, "turntable_deg", turntable_deg);
     add_number(to, "arc_deg", arc_deg);
     add_text(to, "light_class", class_name);
     add_text(to, "light", name);
+}
+
+/* Adds the places of cameras, lamps and lasers. */
+static void add_places(GVariantBuilder *to, GVariant *list) {
+    GVariantBuilder places;
+    const char *class_name, *name;
+    double theta_deg, phi_deg;
+    gboolean carried;
+    if (!list) /* a daemon of an earlier version does not have this property */
+        return;
     g_variant_builder_init(&places, G_VARIANT_TYPE("aa{sv}"));
     GVariantIter iter;
     g_variant_iter_init(&iter, list);
@@ -123,7 +132,7 @@ static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
     g_variant_builder_add(to, "{sv}", "places", g_variant_builder_end(&places));
 }
 
-char *web_rig_state(const WebRig *rig) {
+static char *state_text(const WebRig *rig, gboolean with_places) {
     BusRig1 *bus = rig->rig;
     GVariantBuilder to, devices;
     const gboolean away = is_away(rig);
@@ -157,6 +166,8 @@ char *web_rig_state(const WebRig *rig) {
                               g_variant_new_uint64(bus_rig1_get_bytes_expected(bus)));
         add_safety(&to, bus);
         add_pose(&to, bus);
+        if (with_places)
+            add_places(&to, bus_rig1_get_places(bus));
         g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{sv}"));
         GVariant *list = bus_rig1_get_devices(bus);
         GVariantIter iter;
@@ -180,6 +191,10 @@ char *web_rig_state(const WebRig *rig) {
         g_variant_builder_add(&to, "{sv}", "queue", queue ? queue : g_variant_new("aa{sv}", NULL));
     }
     return json_text(g_variant_builder_end(&to));
+}
+
+char *web_rig_state(const WebRig *rig) {
+    return state_text(rig, TRUE);
 }
 
 char *web_rig_events(const WebRig *rig) {
@@ -232,7 +247,17 @@ static gboolean tell_state(gpointer data) {
     rig->state_id = 0;
     if (rig->rig)
         take_sample(rig);
-    g_autofree char *json = web_rig_state(rig);
+    /* The places of a large rig are more than the rest of the state, and they hardly ever change.
+     */
+    GVariant *places = rig->rig ? bus_rig1_get_places(rig->rig) : NULL;
+    const gboolean moved =
+        places != rig->told_places &&
+        !(places && rig->told_places && g_variant_equal(places, rig->told_places));
+    if (moved) {
+        g_clear_pointer(&rig->told_places, g_variant_unref);
+        rig->told_places = places ? g_variant_ref(places) : NULL;
+    }
+    g_autofree char *json = state_text(rig, moved);
     tell(rig, "state", json);
     return G_SOURCE_REMOVE;
 }
@@ -441,6 +466,7 @@ void web_rig_free(WebRig *rig) {
     g_array_unref(rig->samples);
     g_hash_table_unref(rig->cameras);
     g_object_unref(rig->cancellable);
+    g_clear_pointer(&rig->told_places, g_variant_unref);
     g_free(rig->address);
     g_free(rig->away);
     g_free(rig);

@@ -18,8 +18,9 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 
 /* Called with the name of a server-sent event and its data, which are one line of JSON. "state"
- * comes at most twice a second, "event" for each event of the daemon, and "picture" for each new
- * picture of a camera. */
+ * comes at most twice a second, and has "places" only if they have changed since the last "state".
+ * There is an "event" for each event of the daemon, and a "picture" for each new picture of a
+ * camera. */
 typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
 void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 

@@ -157,8 +157,9 @@ function degrees(value) {
 function shines(at) {
   if (["running", "homing", "pausing"].includes(state.state))
     return at.class === state.light_class && at.name === state.light;
+  if (state.state === "away" || at.class !== "laser") return false;
   const device = (state.devices || []).find(each => each.class === at.class && each.name === at.name);
-  return state.state !== "away" && at.class === "laser" && !!device && /^(on|unsafe)/.test(device.health);
+  return !!device && /^(on|unsafe)/.test(device.health);
 }
 
 function isUnsafe(at) {
@@ -251,33 +252,45 @@ function showQueue() {
 
 const cameras = new Map();
 
+// A rig may have many cameras. Only the pictures that are in sight, or nearly so, are loaded.
+const sight = new IntersectionObserver(entries => {
+  for (const entry of entries) {
+    const camera = cameras.get(entry.target.dataset.camera);
+    camera.inSight = entry.isIntersecting;
+    if (camera.inSight && camera.isStale) loadPicture(entry.target.dataset.camera);
+  }
+}, { rootMargin: "100%" });
+
 function watchCamera(name) {
   if (cameras.has(name)) return cameras.get(name);
   const camera = { figure: element("figure"), image: element("img"), caption: element("figcaption"),
                    histogram: svg("svg", { viewBox: "0 0 64 32", preserveAspectRatio: "none" }),
-                   due: 0, waits: false, seen: false };
+                   due: 0, waits: false, inSight: false, isStale: true };
   camera.image.alt = `latest picture of ${name}`;
+  camera.figure.dataset.camera = name;
   camera.figure.append(camera.image, camera.histogram, camera.caption);
+  camera.caption.append(element("strong", "", name), ": no picture yet");
+  if (cameras.size === 0) $("cameras").replaceChildren();
   cameras.set(name, camera);
-  loadPicture(name);
+  $("cameras").append(camera.figure);
+  sight.observe(camera.figure);
   return camera;
 }
 
 // Loads the latest picture of a camera, at most once in pictureInterval. Calls during the wait share the next load.
+// The picture of a camera that is out of sight is loaded when the camera comes into sight.
 async function loadPicture(name) {
   const camera = cameras.get(name), now = Date.now();
-  if (camera.waits) return;
+  camera.isStale = true;
+  if (camera.waits || !camera.inSight) return;
   camera.waits = true;
   await new Promise(done => setTimeout(done, Math.max(0, camera.due - now)));
   camera.due = Date.now() + pictureInterval;
   camera.waits = false;
+  camera.isStale = false;
   const answer = await fetch(`${api}cameras/${encodeURIComponent(name)}.json`).catch(() => null);
   if (!answer || !answer.ok) return;
   const told = await answer.json();
-  if (!camera.seen) {
-    camera.seen = true; // shows the figures in the order of the map, which is the order of the cameras in the rig
-    $("cameras").replaceChildren(...[...cameras.values()].filter(other => other.seen).map(other => other.figure));
-  }
   camera.image.src = `${api}cameras/${encodeURIComponent(name)}.png?t=${told.time_s}`;
   const most = Math.max(1, ...told.histogram.flat());
   const colours = ["#d33", "#2a2", "#36f"];
@@ -396,7 +409,9 @@ function openStream() {
     if (cameras.has(camera)) loadPicture(camera); else watchCamera(camera);
   });
   stream.addEventListener("state", event => {
-    state = JSON.parse(event.data);
+    const told = JSON.parse(event.data);
+    if (told.state !== "away") told.places ??= state.places; // they are sent only after a change
+    state = told;
     showState();
     if (Date.now() > course + 5000) {
       course = Date.now();
