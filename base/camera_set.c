@@ -10,14 +10,15 @@ char *camera_set_to_text(struct camera_set set) {
 gboolean camera_set_from_text(const char *text, struct camera_set *ret) {
     g_auto(GStrv) words = g_strsplit(text, " ", -1);
     struct camera_set set = {{0}};
-    int before = -1;
+    int least = 0; /* the next number must not be below it */
     for (int i = 0; words[i]; i++) {
         guint64 camera;
-        if (!g_ascii_string_to_unsigned(words[i], 10, (guint64)(before + 1), CAMERA_SET_MAX - 1,
-                                        &camera, NULL))
+        if (least >= CAMERA_SET_MAX ||
+            !g_ascii_string_to_unsigned(words[i], 10, (guint64)least, CAMERA_SET_MAX - 1, &camera,
+                                        NULL))
             return FALSE;
-        before = (int)camera;
-        camera_set_add(&set, before);
+        camera_set_add(&set, (int)camera);
+        least = (int)camera + 1;
     }
     *ret = set;
     return TRUE;

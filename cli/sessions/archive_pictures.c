@@ -10,6 +10,7 @@
 #define MAX_WIDE   512 /* maximum width of a picture in pixels, reached by averaging pixels */
 #define WIDE       160 /* minimum width of a picture in pixels, reached by repeating pixels */
 #define FRAME_WIDE 320 /* maximum width of a photograph in pixels */
+#define MAX_FRAMES 32  /* maximum number of cameras with a photograph */
 #define ELEVATIONS 3
 #define LIGHTS     3
 #define BRIGHT     0.99 /* share of the values that are not clipped */
@@ -117,8 +118,11 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
     g_free(shown.rgb);
 }
 
-/* Adds the first lamp frame of each camera. */
+/* Adds the first lamp frame of each camera. If there are more than MAX_FRAMES cameras, adds that of
+ * every second, third, … camera. */
 static gboolean add_frames(struct archive *archive, Session *session, GError **error) {
+    const int n_cameras = archive->calibration ? archive->calibration->rig.n_cameras : 0;
+    const int every = MAX(1, (n_cameras + MAX_FRAMES - 1) / MAX_FRAMES);
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
     struct camera_set seen = {{0}};
@@ -129,7 +133,7 @@ static gboolean add_frames(struct archive *archive, Session *session, GError **e
             s++;
         const struct session_shot *shot = s < shots->len ? shots->pdata[s] : NULL;
         if (!shot || shot->id != frame->shot || shot->kind != SHOT_LAMP || frame->camera < 0 ||
-            frame->camera >= archive->calibration->rig.n_cameras ||
+            frame->camera >= n_cameras || frame->camera % every != 0 ||
             camera_set_has(seen, frame->camera))
             continue;
         camera_set_add(&seen, frame->camera);

@@ -86,7 +86,7 @@ TEST(any) {
 }
 
 TEST(text) {
-    static const char *const wrong[] = {" ",  "0 ", " 0",  "0  1", "1 0", "3 3",  "256",
+    static const char *const wrong[] = {" ",  "0 ", " 0",  "0  1", "1 0", "3 3",  "255 3", "256",
                                         "-1", "+1", "0x1", "1,2",  "all", "0 1e", "1\n"};
     struct camera_set set = camera_set_of(70);
     camera_set_add(&set, 3);
