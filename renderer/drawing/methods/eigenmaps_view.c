@@ -39,7 +39,8 @@ static gboolean check(const struct eigenmaps *maps, GError **error) {
     if (needed > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                     "eigen-maps of %d terms and %zu lights need %zu texture layers, but %s "
-                    "supports %d; compress the material with %zu terms or fewer",
+                    "supports %d; compress the material with another method, such as lpca, which "
+                    "has no layer for each light, or to eigen-maps of %zu terms or fewer",
                     maps->n_terms, layout->lights.n, needed, gpu_renderer(), layers,
                     MAX(1, (gsize)layers / (layout->lights.n + 2)));
         return FALSE;
