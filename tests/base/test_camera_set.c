@@ -34,6 +34,8 @@ TEST(one) {
         model[some[i]] = TRUE;
         assert_like(set, model);
         g_assert_false(camera_set_equal(set, (struct camera_set){{0}}));
+        for (gsize k = 0; k < G_N_ELEMENTS(some); k++)
+            g_assert_cmpint(camera_set_compare(set, camera_set_of(some[k])), ==, (i > k) - (i < k));
         camera_set_remove(&set, some[i]);
         g_assert_true(camera_set_equal(set, (struct camera_set){{0}}));
     }

@@ -353,6 +353,19 @@ class Database(unittest.TestCase):
         self.assertEqual(frames[2, 0], 12.5)
         self.assertNotEqual(frames[2, 1], 12.5)
 
+    def test_cameras(self):
+        """A set of cameras is the bits of an integer, or a list among the values."""
+        copy = folder / "cameras.session"
+        copy.mkdir()
+        shutil.copy(folder / "weave.session/session.db", copy)
+        with contextlib.closing(sqlite3.connect(copy / "session.db")) as db, db:
+            db.execute("UPDATE shot SET cameras = ? WHERE id = 1", [1 << 62 | 1 << 32 | 1])
+            db.execute("UPDATE shot SET cameras = -2 WHERE id = 2")
+            db.execute("INSERT INTO value VALUES ('cameras/2', '5 63 255')")
+        shots = mesorig.open(copy).shots
+        self.assertEqual(shots[0].cameras, (0, 32, 62))
+        self.assertEqual(shots[1].cameras, (5, 63, 255))
+
     def test_calibration(self):
         nominal, used = session().calibration, session("noisy").calibration
         self.assertTrue(nominal.is_nominal)

@@ -68,6 +68,45 @@ TEST(first_values) {
     session_close(session);
 }
 
+/* The sets of cameras in the database: the bits of an integer, or a list among the values. */
+TEST(cameras) {
+    static const struct {
+        int camera;
+        const char *column;
+    } cases[] = {{0, "1"},
+                 {30, "1073741824"},
+                 {31, "2147483648"},
+                 {32, "4294967296"},
+                 {62, "4611686018427387904"},
+                 {63, "-1"},
+                 {64, "-2"},
+                 {255, "-3"},
+                 {63, "-1"}};
+    const int n = G_N_ELEMENTS(cases);
+    g_autofree struct random_plan *p = session_fixture_random_plan(4, n);
+    g_autofree char *path = session_fixture_path("cameras");
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    sqlite3 *db = NULL;
+    sqlite3_stmt *rows = NULL;
+    for (int i = 0; i < n; i++)
+        p->shots[i].cameras = camera_set_of(cases[i].camera);
+    Session *session = ok(session_create(path, "Loden, grün", &texts, &p->plan, ERR));
+    session_fixture_assert_plan(session, p);
+    session_close(session);
+    g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
+    sqlite3_prepare_v2(db, "SELECT cameras FROM shot ORDER BY id", -1, &rows, NULL);
+    for (int i = 0; i < n; i++) {
+        g_assert_cmpint(sqlite3_step(rows), ==, SQLITE_ROW);
+        g_assert_cmpstr((const char *)sqlite3_column_text(rows, 0), ==, cases[i].column);
+    }
+    sqlite3_finalize(rows);
+    sqlite3_prepare_v2(db, "SELECT value FROM value WHERE key = 'cameras/3'", -1, &rows, NULL);
+    g_assert_cmpint(sqlite3_step(rows), ==, SQLITE_ROW);
+    g_assert_cmpstr((const char *)sqlite3_column_text(rows, 0), ==, "255");
+    sqlite3_finalize(rows);
+    sqlite3_close(db);
+}
+
 /* A plan that somebody has edited in the database is refused when it is read, with a reason. */
 TEST(edited) {
     static const char *const edits[] = {
