@@ -447,6 +447,35 @@ TEST(wobble) {
     g_assert_null(strstr(without, "wobble"));
 }
 
+/* A rig with as many cameras and lamps as a rig may have. */
+TEST(text_of_largest) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(5);
+    g_autofree struct rig *rig = g_new0(struct rig, 1), *read = g_new0(struct rig, 1);
+    *rig = random_rig(rand);
+    rig->n_cameras = RIG_MAX_CAMERAS;
+    rig->n_lamps = RIG_MAX_LAMPS;
+    for (int c = 3; c < RIG_MAX_CAMERAS; c++) {
+        rig->cameras[c] = rig->cameras[c % 3];
+        rig->cameras[c].fx_px = 1000 + c;
+        g_snprintf(rig->cameras[c].name, RIG_NAME, "cam %d", c);
+    }
+    for (int l = 1; l < RIG_MAX_LAMPS; l++) {
+        rig->lamps[l] = rig->lamps[0];
+        rig->lamps[l].exponent = 1 + l;
+        g_snprintf(rig->lamps[l].name, RIG_NAME, "lamp %d", l);
+    }
+    g_autofree char *text = rig_to_text(rig);
+    g_assert_true(ok(rig_from_text(read, text, "calibration.conf", ERR)));
+    g_assert_cmpint(read->n_cameras, ==, 256);
+    g_assert_cmpint(read->n_lamps, ==, 1024);
+    g_assert_cmpstr(read->cameras[255].name, ==, "cam 255");
+    g_assert_cmpfloat(read->cameras[255].fx_px, ==, 1255);
+    g_assert_cmpstr(read->lamps[1023].name, ==, "lamp 1023");
+    g_assert_cmpfloat(read->lamps[1023].exponent, ==, 1024);
+    g_autofree char *again = rig_to_text(read);
+    g_assert_cmpstr(text, ==, again);
+}
+
 TEST(text_round_trip) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(4);
 
