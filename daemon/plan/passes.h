@@ -22,8 +22,8 @@
 #include "session_conf.h"
 
 /* Returns the reason why this rig cannot take the session's shots in passes; g_free(). Returns
- * NULL if the rig can, or if the session does not ask for passes. cameras has a bit for each
- * camera of the session. */
+ * NULL if the rig can, or if the session does not ask for passes. cameras are the cameras of the
+ * session. */
 char *passes_refused(const struct session_conf *conf, const struct rig *rig,
                      const struct rig_timing *timing, struct camera_set cameras);
 
