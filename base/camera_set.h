@@ -17,8 +17,8 @@
 #define CAMERA_SET_WORDS     (CAMERA_SET_MAX / CAMERA_SET_WORD_BITS)
 
 struct camera_set {
-    guint64
-        words[CAMERA_SET_WORDS]; /* bit c % 64 of word c / 64 is set if camera c is in the set */
+    /* bit c % 64 of word c / 64 is set if camera c is in the set */
+    guint64 words[CAMERA_SET_WORDS];
 };
 
 static inline guint64 camera_set_bit(int camera) {
