@@ -402,6 +402,10 @@ struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lam
     return carried_point(arc, lamp->fixed, arc_rad, lamp->position_mm);
 }
 
+struct vec3 rig_lamp_aim(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad) {
+    return carried_direction(arc, lamp->fixed, arc_rad, lamp->aim);
+}
+
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm) {
     return carried_point_back(arc, lamp->fixed, arc_rad, point_mm);
@@ -412,7 +416,7 @@ double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lam
                            struct vec3 point_mm) {
     struct vec3 path = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
     double r_mm = vec3_length(path);
-    double cosine = vec3_dot(path, carried_direction(arc, lamp->fixed, arc_rad, lamp->aim)) / r_mm;
+    double cosine = vec3_dot(path, rig_lamp_aim(arc, lamp, arc_rad)) / r_mm;
 
     if (cosine <= 0)
         return 0;

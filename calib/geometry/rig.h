@@ -247,6 +247,8 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
  * fixed lamps. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
+/* Returns the unit vector of a lamp's aim in the rig frame with the arc at an angle. */
+struct vec3 rig_lamp_aim(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad);
 /* Transforms a point of the rig frame to the frame in which the lamp's position is given. */
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);

@@ -7,7 +7,7 @@
 #include <stdio.h>
 
 static char *output, *region, *directions, *transfer;
-static double texel_mm;
+static double texel_mm, lamp_mm;
 
 #define SHARED_ENTRIES                                                                             \
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},        \
@@ -25,6 +25,14 @@ static const GOptionEntry entries[] = {SHARED_ENTRIES, {NULL}};
 static const GOptionEntry picture_entries[] = {
     SHARED_ENTRIES,
     {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
+    {NULL},
+};
+
+static const GOptionEntry rti_entries[] = {
+    SHARED_ENTRIES,
+    {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
+    {"lamp-mm", 0, 0, G_OPTION_ARG_DOUBLE, &lamp_mm,
+     "Distance of near lamps from the middle of the texels (lamps far away)", "MM"},
     {NULL},
 };
 
@@ -84,12 +92,15 @@ static int run(const struct call *call, Import import, GError **error) {
     struct finished_import finished = {
         .import = import,
         .source = call->arguments[0],
-        .wish = {.texel_mm = texel_mm, .directions = directions, .notes = notes}};
+        .wish = {
+            .texel_mm = texel_mm, .directions = directions, .lamp_mm = lamp_mm, .notes = notes}};
     double seconds = 0;
     if (!output)
         return cli_usage(command, "no session directory is given: give -o DIR.session");
     if (!(texel_mm >= 0 && texel_mm <= 1000))
         return cli_usage(command, "--texel-mm=%g is out of range: 0 to 1000 mm", texel_mm);
+    if (!(lamp_mm >= 0 && lamp_mm <= 1e6))
+        return cli_usage(command, "--lamp-mm=%g is out of range: 0 to 1000000 mm", lamp_mm);
     if (region && !exchange_parse_region(region, &finished.wish.region))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
     if (!exchange_parse_transfer(transfer, &finished.wish.transfer))
@@ -143,9 +154,10 @@ const struct command exchange_import_pictures = {
 const struct command exchange_import_rti = {
     .name = "import rti",
     .arguments = "FILE -o DIR",
-    .examples = "  mesorig import rti coin.lp -o coin.session\n",
+    .examples = "  mesorig import rti coin.lp -o coin.session\n"
+                "  mesorig import rti dome.csv --texel-mm 0.03 -o coin.session\n",
     .help = "Import a list of lights with its pictures (RTI).",
-    .options = picture_entries,
+    .options = rti_entries,
     .min = 1,
     .max = 1,
     .run = rti_run};

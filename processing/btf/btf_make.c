@@ -53,6 +53,10 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
     set_point(part, light->turntable_rad, "view.centre_mm", rig_camera_centre_mm(view->camera));
     set_point(part, light->turntable_rad, "light.position_mm",
               rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
+    const struct vec3 aim =
+        rig_turn(rig_lamp_aim(light->arc, light->lamp, light->arc_rad), -light->turntable_rad);
+    exr_set_v3d(part, "light.aim", aim.x, aim.y, aim.z);
+    exr_set_double(part, "light.exponent", light->lamp->exponent);
     exr_set_string(part, "mesorig.inputs", view->inputs);
     return part;
 }

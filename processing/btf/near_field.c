@@ -9,8 +9,9 @@
 #include "btf.h"
 #include "btf_matrix_private.h"
 
-#define DEGREE (G_PI / 180)
-#define AGAIN  "; delete the file and process again"
+#define DEGREE       (G_PI / 180)
+#define AGAIN        "; delete the file and process again"
+#define MAX_EXPONENT 1000
 
 void near_field_free(struct near_field *near_field) {
     if (!near_field)
@@ -19,6 +20,8 @@ void near_field_free(struct near_field *near_field) {
     direction_list_clear(&near_field->lights);
     g_free(near_field->camera_mm);
     g_free(near_field->lamp_mm);
+    g_free(near_field->lamp_aim);
+    g_free(near_field->lamp_exponent);
     g_free(near_field);
 }
 
@@ -47,6 +50,28 @@ static gboolean take_position(const struct near_field *near_field, const struct 
     return TRUE;
 }
 
+/* Takes the aim and the exponent of a lamp, if the part has them. */
+static gboolean take_aim(const struct exr_part *part, const char *path, struct vec3 *ret_aim,
+                         double *ret_exponent, GError **error) {
+    double aim[3];
+    *ret_aim = vec3(0, 0, -1);
+    if (exr_get_v3d(part, "light.aim", aim, NULL)) {
+        const double length = vec3_length(vec3(aim[0], aim[1], aim[2]));
+        if (!(length > 0) || !isfinite(length))
+            return data_error_fail(path, 0, error,
+                                   "in part %s light.aim is (%g, %g, %g), which is not a "
+                                   "direction" AGAIN,
+                                   part->name, aim[0], aim[1], aim[2]);
+        *ret_aim = vec3_scale(vec3(aim[0], aim[1], aim[2]), 1 / length);
+    }
+    if (!exr_get_double(part, "light.exponent", ret_exponent, NULL))
+        *ret_exponent = 0;
+    return (*ret_exponent >= 0 && *ret_exponent <= MAX_EXPONENT) ||
+           data_error_fail(path, 0, error,
+                           "in part %s light.exponent is %g, but must be 0 to %d" AGAIN, part->name,
+                           *ret_exponent, MAX_EXPONENT);
+}
+
 /* Takes the directions and positions of a view and of its lamps from the headers of its file. The
  * camera's position is the mean over the parts. */
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
@@ -58,7 +83,7 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
     struct vec3 first = {0}, off = {0};
     for (gsize light = 0; light < to->lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
-        struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * to->lights.n : NULL;
+        const gsize at = (gsize)view * to->lights.n + light;
         float theta, phi;
         if (!btf_direction(part, "view", &to->views.theta_deg[view], &to->views.phi_deg[view]) ||
             !btf_direction(part, "light", &theta, &phi))
@@ -73,19 +98,24 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
                                    part->name, (double)theta, (double)phi,
                                    (double)to->lights.theta_deg[light],
                                    (double)to->lights.phi_deg[light]);
-        if (!lamp && (has(part, "view.centre_mm") || has(part, "light.position_mm")))
+        if ((!to->camera_mm && has(part, "view.centre_mm")) ||
+            (!to->lamp_mm && has(part, "light.position_mm")))
             return data_error_fail(path, 0, error,
                                    "part %s has the position of camera or lamp, which the first "
                                    "part of the BTF lacks" AGAIN,
                                    part->name);
         struct vec3 camera;
-        if (lamp && (!take_position(to, part, "view.centre_mm", path, &camera, error) ||
-                     !take_position(to, part, "light.position_mm", path, &lamp[light], error)))
+        if (to->lamp_mm &&
+            (!take_position(to, part, "light.position_mm", path, &to->lamp_mm[at], error) ||
+             !take_aim(part, path, &to->lamp_aim[at], &to->lamp_exponent[at], error)))
             return FALSE;
-        if (lamp && light == 0)
+        if (!to->camera_mm)
+            continue;
+        if (!take_position(to, part, "view.centre_mm", path, &camera, error))
+            return FALSE;
+        if (light == 0)
             first = camera;
-        if (lamp)
-            off = vec3_add(off, vec3_sub(camera, first));
+        off = vec3_add(off, vec3_sub(camera, first));
     }
     if (to->camera_mm)
         to->camera_mm[view] = vec3_add(first, vec3_scale(off, 1.0 / (double)to->lights.n));
@@ -103,9 +133,13 @@ static gboolean do_read_views(struct near_field *to, struct btf_matrix *btf, con
         ok = file && (view > 0 || btf_take_lights(btf, file, path, error));
         if (ok && view == 0) {
             to->lights = direction_list_copy(&btf->layout.lights);
-            if (has(g_ptr_array_index(file->parts, 0), "view.centre_mm")) {
+            const gsize n = to->views.n * to->lights.n;
+            if (has(g_ptr_array_index(file->parts, 0), "view.centre_mm"))
                 to->camera_mm = g_new0(struct vec3, to->views.n);
-                to->lamp_mm = g_new0(struct vec3, to->views.n * to->lights.n);
+            if (has(g_ptr_array_index(file->parts, 0), "light.position_mm")) {
+                to->lamp_mm = g_new0(struct vec3, n);
+                to->lamp_aim = g_new0(struct vec3, n);
+                to->lamp_exponent = g_new0(double, n);
             }
         }
         ok = ok && take_view(to, file, view, path, error);
@@ -129,8 +163,7 @@ struct near_field *near_field_read(const char *path, GError **error) {
     return ret;
 }
 
-/* Returns the centre of a texel on the reference plane, sample frame. */
-static struct vec3 centre_of(const struct near_field *near_field, int texel) {
+struct vec3 near_field_texel_mm(const struct near_field *near_field, int texel) {
     const struct session_grid *grid = &near_field->grid;
     return rectify_point_mm(grid, texel % grid->width + 0.5, (int)(texel / grid->width) + 0.5);
 }
@@ -151,11 +184,11 @@ static struct vec3 light_from(const struct near_field *n, int view, int light, s
 }
 
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel) {
-    return view_from(near_field, view, centre_of(near_field, texel));
+    return view_from(near_field, view, near_field_texel_mm(near_field, texel));
 }
 
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel) {
-    return light_from(near_field, view, light, centre_of(near_field, texel));
+    return light_from(near_field, view, light, near_field_texel_mm(near_field, texel));
 }
 
 static struct vec3 middle(const struct near_field *near_field) {
@@ -168,4 +201,22 @@ struct vec3 near_field_view_centre(const struct near_field *near_field, int view
 
 struct vec3 near_field_light_centre(const struct near_field *near_field, int view, int light) {
     return light_from(near_field, view, light, middle(near_field));
+}
+
+/* Returns the irradiance at a point on a plane that faces the lamp, without its intensity. */
+static double irradiance(const struct near_field *n, gsize lamp, struct vec3 point_mm) {
+    const struct vec3 way = vec3_sub(point_mm, n->lamp_mm[lamp]);
+    const double r = vec3_length(way);
+    const double cosine = fmax(vec3_dot(way, n->lamp_aim[lamp]) / r, 0);
+    return pow(cosine, n->lamp_exponent[lamp]) / (r * r);
+}
+
+double near_field_fall_off(const struct near_field *near_field, int view, int light, int texel) {
+    if (!near_field->lamp_mm)
+        return 1;
+    const gsize lamp = (gsize)view * near_field->lights.n + (gsize)light;
+    const double centre = irradiance(near_field, lamp, middle(near_field));
+    return centre > 0
+               ? irradiance(near_field, lamp, near_field_texel_mm(near_field, texel)) / centre
+               : 0;
 }

@@ -1,9 +1,11 @@
 /*
- * The true directions in which each texel of a BTF was seen and lit. Nominal directions are the
- * same for all texels. For cameras and lamps half a metre away, the true directions of a texel at
- * the edge of a sample differ from the nominal ones by degrees. The positions of cameras and lamps
- * are read from the files of the BTF (view.centre_mm and light.position_mm of pipeline.h) and are
- * as calibrated. Plain data, immutable once read. Any thread.
+ * The true directions in which each texel of a BTF was seen and lit, and the fall-off of the light.
+ * Nominal directions are the same for all texels. For cameras and lamps half a metre away, the true
+ * directions of a texel at the edge of a sample differ from the nominal ones by degrees. For lamps
+ * a few sample widths away they differ by tens of degrees, and the irradiance by a factor. The
+ * positions of cameras and lamps are read from the files of the BTF (view.centre_mm,
+ * light.position_mm, light.aim and light.exponent of pipeline.h) and are as calibrated. Plain data,
+ * immutable once read. Any thread.
  */
 #pragma once
 
@@ -17,15 +19,21 @@ struct near_field {
     struct direction_list views, lights; /* nominal directions */
     /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
      * because lamps move in this frame with the turntable. If the turntable turned during a view's
-     * pictures, the position of the camera is the mean over these pictures. Both are NULL if the
-     * files have no positions; all texels then have the nominal directions. */
+     * pictures, the position of the camera is the mean over these pictures. Each is NULL if the
+     * files lack these positions; all texels then have the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
+    /* Unit vectors of the lamps' aims in the sample frame, and exponents n of their fall-off cos^n
+     * away from the aim; as many as lamp_mm, and NULL if lamp_mm is. An exponent is 0 if the file
+     * does not state it. */
+    struct vec3 *lamp_aim;
+    double *lamp_exponent;
 };
 
 /* Reads the headers of a session's BTF. The files are checked by session_check_products() first.
  * The error is DATA_ERROR_INCOMPLETE if no view has a file. It is DATA_ERROR_INVALID if views
  * differ in the number or directions of their lights, if an angle is missing or not finite, if a
- * position is not finite or not above the reference plane, or if only some parts have positions. */
+ * position is not finite or not above the reference plane, if only some parts have positions, or if
+ * an aim is not a direction or an exponent is not from 0 to 1000. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 
@@ -33,6 +41,16 @@ void near_field_free(struct near_field *near_field); /* NULL is ignored */
  * row by row, row 0 is at +y. */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
+
+/* Returns the irradiance of a texel on a plane that faces the lamp, relative to that of the centre
+ * of the sample on a plane that faces the lamp: (r₀ / r)² (cos α / cos α₀)^n. r and r₀ are the
+ * distances from the lamp to the texel and to the centre, α and α₀ the angles between the lamp's
+ * aim and the way to each, and n its exponent. Returns 1 if there are no positions. The picture
+ * that the lamp makes, relative to a white diffuser in the centre, is ρ times this factor. */
+double near_field_fall_off(const struct near_field *near_field, int view, int light, int texel);
+
+/* Returns the centre of a texel on the reference plane, in the sample frame. */
+struct vec3 near_field_texel_mm(const struct near_field *near_field, int texel);
 
 /* Return the unit vectors from the centre of the sample to a camera and to a lamp. */
 struct vec3 near_field_view_centre(const struct near_field *near_field, int view);

@@ -26,7 +26,8 @@ typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointe
                                GError **error);
 
 /* Callback for a picture of the view that was read last. Returns the flags of its texels (btf.h),
- * owned by the callback, or NULL if all are 0. The callback may add attributes to the part. */
+ * owned by the callback, or NULL if all are 0 or known from the holes of ImportPixels. The callback
+ * may add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
 /* Callback that reads one picture. If the file format allows, the callback reads only the region.
@@ -51,7 +52,8 @@ struct import_material {
     ImportView view;
     /* NULL, or called instead of `view`, so that memory holds only one picture */
     ImportPixels picture;
-    /* NULL, or called for the flags of each picture; region must then be all texels */
+    /* NULL, or called for the flags of each picture; if it returns flags, region must be all
+     * texels */
     ImportLight light;
     ImportFilled filled; /* NULL is allowed */
     gpointer data;
@@ -85,6 +87,9 @@ struct import_wish {
     /* for import_relight(): path of a table of directions (btf_directions.h); NULL means the 81
      * directions of the papers */
     const char *directions;
+    /* for import_rti(), with a list without positions: distance of all lamps from the middle of the
+     * imported texels; 0 means that the lamps are far away */
+    double lamp_mm;
     /* NULL, or receives sentences for the user (g_free()): assumptions, and values that look
      * wrong */
     GPtrArray *notes;
@@ -108,8 +113,15 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * and x y z of the direction to its light. The name may be missing if it is missing in all lines.
  *
  * A table, separated by commas, semicolons or tabs, whose first line names the columns: theta and
- * phi in degrees (or theta_rad and phi_rad), or x, y and z. A column name, filename, file, image or
- * picture is optional.
+ * phi in degrees (or theta_rad and phi_rad), or x, y and z, or x_mm, y_mm and z_mm. A column name,
+ * filename, file, image or picture is optional.
+ *
+ * x_mm, y_mm and z_mm are the position of a lamp near the sample, from the middle of the imported
+ * texels. A column exponent is n of the lamp's fall-off cos^n away from its aim, which is this
+ * middle; the default is 0. The pictures are divided by the lamps' irradiance of each texel on a
+ * plane that faces the lamp, relative to the mean of the lamps' irradiances in the middle. Lamps
+ * are taken as equally bright. The session then has the positions of the lamps (pipeline.h). The
+ * same is done for a list of directions if wish->lamp_mm is set.
  *
  * A name may be a path below the list's folder. Of other paths only the part after the last slash
  * counts, and the picture lies next to the list. If the list has no names, they are the lines of

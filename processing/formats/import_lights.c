@@ -10,6 +10,7 @@
 #include "base/text_table.h"
 
 #define MAX_LIGHTS     65536
+#define MAX_EXPONENT   1000
 #define MAX_LIST_BYTES (64 << 20)
 /* minimum length of a direction in a list, which should be a unit vector */
 #define MIN_LENGTH 0.5
@@ -25,14 +26,17 @@
  * index. */
 struct columns {
     char separator[2];
-    int name, x, y, z, theta, phi, most;
+    int name, x, y, z, theta, phi, exponent, most;
     gboolean radians;
+    gboolean mm; /* x, y and z are a position in mm */
 };
 
 struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
+    gboolean placed; /* the next light has a position and an exponent */
+    double exponent;
     gint64 count; /* number of pictures that the list states; 0 if it states none */
     int count_line;
 };
@@ -64,6 +68,9 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
                                        .theta_deg = acos(CLAMP(d[2] / length, -1, 1)) * DEG,
                                        .phi_deg = atan2(d[1], d[0]) * DEG,
                                        .on_horizon = d[2] <= 0,
+                                       .placed = list->placed,
+                                       .position_mm = vec3(d[0], d[1], d[2]),
+                                       .exponent = list->exponent,
                                        .line = line};
     const gboolean mixed = list->lights->len > 0 && (first->name == NULL) != (name == NULL);
     const gboolean named = name != NULL;
@@ -164,6 +171,14 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         d[1] = sin(theta) * sin(phi);
         d[2] = cos(theta);
     }
+    list->placed = c->mm;
+    if (c->exponent >= 0 && !number(list, line, cells[c->exponent], &list->exponent, error))
+        return FALSE;
+    if (!(list->exponent >= 0 && list->exponent <= MAX_EXPONENT))
+        return data_error_fail(list->path, line, error,
+                               "exponent is %g; it is n of the lamp's fall-off cosⁿ away from its "
+                               "aim and must be from 0 to %d",
+                               list->exponent, MAX_EXPONENT);
     if (c->name >= 0 && !*cells[c->name])
         return data_error_fail(list->path, line, error,
                                "column %d is empty, but must have a picture's name", c->name + 1);
@@ -174,14 +189,15 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
  * suggests the known name (g_free()), or NULL if there is no such column. */
 static char *misspelt(const char *text, const struct columns *c) {
     static const char *const known[] = {"name",  "filename", "file",      "image",   "picture",
-                                        "theta", "phi",      "theta_deg", "phi_deg", NULL};
+                                        "theta", "phi",      "theta_deg", "phi_deg", "x_mm",
+                                        "y_mm",  "z_mm",     "exponent",  NULL};
     g_autofree char *lower = g_ascii_strdown(text, -1);
     g_auto(GStrv) cells = g_strsplit(g_strdelimit(lower, "\"", ' '), c->separator, -1);
     for (int i = 0; cells[i]; i++) {
         const char *cell = g_strstrip(cells[i]);
         struct nearest nearest = nearest_new(cell);
         if (i == c->name || i == c->x || i == c->y || i == c->z || i == c->theta || i == c->phi ||
-            strlen(cell) < 3)
+            i == c->exponent || strlen(cell) < 3)
             continue;
         for (const char *const *name = known; *name; name++)
             nearest_consider(&nearest, *name);
@@ -192,12 +208,12 @@ static char *misspelt(const char *text, const struct columns *c) {
     return NULL;
 }
 
-/* Returns whether a line names the columns theta and phi, or x, y and z, and sets their indices. A
- * column of names is optional. */
+/* Returns whether a line names the columns theta and phi, or x, y and z, or x_mm, y_mm and z_mm,
+ * and sets their indices. Columns of names and, with x_mm, of exponents are optional. */
 static gboolean parse_head(const char *text, struct columns *ret) {
     static const char separators[] = ",;\t";
     for (const char *s = separators; *s; s++) {
-        struct columns c = {{*s}, -1, -1, -1, -1, -1, -1, 0, FALSE};
+        struct columns c = {{*s}, -1, -1, -1, -1, -1, -1, -1, 0, FALSE, FALSE};
         g_autofree char *lower = g_ascii_strdown(text, -1);
         g_auto(GStrv) cells = g_strsplit(g_strdelimit(lower, "\"", ' '), c.separator, -1);
         for (int i = 0; cells[i]; i++) {
@@ -208,10 +224,15 @@ static gboolean parse_head(const char *text, struct columns *ret) {
                       : g_str_equal(cell, "x")          ? &c.x
                       : g_str_equal(cell, "y")          ? &c.y
                       : g_str_equal(cell, "z")          ? &c.z
+                      : g_str_equal(cell, "x_mm")       ? &c.x
+                      : g_str_equal(cell, "y_mm")       ? &c.y
+                      : g_str_equal(cell, "z_mm")       ? &c.z
+                      : g_str_equal(cell, "exponent")   ? &c.exponent
                       : g_str_has_prefix(cell, "theta") ? &c.theta
                       : g_str_has_prefix(cell, "phi")   ? &c.phi
                                                         : NULL;
             c.radians |= to == &c.theta && strstr(cell, "rad");
+            c.mm |= (to == &c.x || to == &c.y || to == &c.z) && g_str_has_suffix(cell, "_mm");
             if (to)
                 *to = c.most = i;
         }

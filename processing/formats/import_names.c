@@ -23,6 +23,9 @@ struct direction {
 struct named {
     char *path;
     struct direction view, light;
+    gboolean placed; /* whether the position of the lamp is known (struct import_light) */
+    struct vec3 position_mm;
+    double exponent;
     int line;         /* line of the list; 0 means that there is no list */
     gboolean counted; /* whether its tone curve is already counted in look */
 };
@@ -36,6 +39,10 @@ struct pictures {
     /* the size and layout of the first picture, without pixels; all pictures must have this size */
     struct import_picture *first;
     struct import_look *look;
+    double texel_mm;
+    /* mean over the lamps of the squared distance to the middle of the imported texels; 0 if the
+     * positions of the lamps are not known */
+    double square_mm;
 };
 
 static void named_free(gpointer data) {
@@ -327,6 +334,17 @@ static void tell_horizon(const struct pictures *pictures, const char *list,
                                         list, light->line, path));
 }
 
+/* Takes the position of a lamp from the list, or at a distance in the direction of its light. */
+static void place(struct named *named, const struct import_light *light, double distance_mm) {
+    const double theta = light->theta_deg * G_PI / 180, phi = light->phi_deg * G_PI / 180;
+    named->placed = light->placed || distance_mm > 0;
+    named->position_mm =
+        light->placed ? light->position_mm
+                      : vec3_scale(vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)),
+                                   distance_mm);
+    named->exponent = light->placed ? light->exponent : 0;
+}
+
 static gboolean read_list(struct pictures *pictures, const char *list, GError **error) {
     g_autoptr(GArray) lights = import_lights_read(list, error);
     g_autofree char *folder = g_path_get_dirname(list);
@@ -352,6 +370,7 @@ static gboolean read_list(struct pictures *pictures, const char *list, GError **
         named->path = g_steal_pointer(&path);
         named->line = light->line;
         named->light = import_names_direction(light->theta_deg, light->phi_deg);
+        place(named, light, pictures->wish->lamp_mm);
         g_ptr_array_add(pictures->all, named);
     }
     return TRUE;
@@ -369,6 +388,29 @@ static gboolean may_have_holes(const char *path) {
         picture_says_read_file(path, &says);
     picture_says_clear(&says);
     return says.alpha;
+}
+
+/* Divides a picture by the irradiance of its lamp on planes that face it. At the distance r from
+ * the lamp and the angle α from its aim, which is the middle of the texels, values are multiplied
+ * by r² / (R² cosⁿ α). R² is the mean of r² in the middle over all lamps, which are taken as
+ * equally bright. */
+static void divide_by_irradiance(const struct pictures *pictures, const struct named *named,
+                                 const struct import_region *region, float *const *planes) {
+    const double r0 = vec3_length(named->position_mm);
+    for (int i = 0; i < region->width * region->height; i++) {
+        const struct vec3 way =
+            vec3((i % region->width + 0.5 - 0.5 * region->width) * pictures->texel_mm -
+                     named->position_mm.x,
+                 (0.5 * region->height - 0.5 - (int)(i / region->width)) * pictures->texel_mm -
+                     named->position_mm.y,
+                 -named->position_mm.z);
+        const double square = vec3_dot(way, way);
+        const double cosine = -vec3_dot(way, named->position_mm) / (sqrt(square) * r0);
+        const double factor =
+            cosine > 0 ? square / (pictures->square_mm * pow(cosine, named->exponent)) : 0;
+        for (int c = 0; c < 3; c++)
+            planes[c][i] *= (float)factor;
+    }
 }
 
 static gboolean give_picture(int view, int light, const struct import_region *region,
@@ -408,7 +450,23 @@ static gboolean give_picture(int view, int light, const struct import_region *re
         for (gsize i = 0; ret_planes[3] && i < n; i++)
             ret_planes[0][i] = ret_planes[3][i] > 0 ? 0 : ret_planes[0][i];
     }
+    if (ret_planes && named->placed)
+        divide_by_irradiance(pictures, named, region, ret_planes);
     return import_picture_check_holes(picture, (gsize)*ret_holes, n, named->path, 0, NULL, error);
+}
+
+/* Adds the position of the lamp to a part. */
+static const guint8 *give_light(int view, int light, struct exr_part *part, gpointer data) {
+    const struct pictures *pictures = data;
+    const struct named *named =
+        pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
+    const struct vec3 p = named->position_mm;
+    if (named->placed) {
+        exr_set_v3d(part, "light.position_mm", p.x, p.y, p.z);
+        exr_set_v3d(part, "light.aim", -p.x, -p.y, -p.z);
+        exr_set_double(part, "light.exponent", named->exponent);
+    }
+    return NULL;
 }
 
 static void degrees(const GArray *directions, float **ret_theta_deg, float **ret_phi_deg) {
@@ -473,9 +531,15 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
         .picture = give_picture,
+        .light = give_light,
         .filled = filled,
         .data = &pictures,
     };
+    pictures.texel_mm = material.texel_mm;
+    for (guint i = 0; i < all->len; i++) {
+        const struct named *each = all->pdata[i];
+        pictures.square_mm += vec3_dot(each->position_mm, each->position_mm) / all->len;
+    }
     int steepest = 0;
     for (int v = 1; v < (int)views->len; v++)
         steepest = view_theta[v] < view_theta[steepest] ? v : steepest;

@@ -2,6 +2,7 @@
  * and the creation of a session. */
 #pragma once
 
+#include "base/vec.h"
 #include "import.h"
 #include "pictures/picture_says.h"
 
@@ -84,6 +85,11 @@ struct import_light {
     double theta_deg, phi_deg;
     /* whether the light is too low to light the sample, so that the picture is left out */
     gboolean on_horizon;
+    /* Position of the lamp, from the middle of the imported texels, and exponent n of its fall-off
+     * cos^n away from its aim, which is this middle; only if placed is TRUE. */
+    gboolean placed;
+    struct vec3 position_mm;
+    double exponent;
     int line;
 };
 /* Reads a list as import_rti() does. Returns an array of struct import_light, with at least one. */

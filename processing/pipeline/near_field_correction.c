@@ -361,7 +361,7 @@ static gboolean run(struct job *job, const char *path, gboolean own,
     gboolean ok = resample_texels(job, error);
     g_clear_pointer(&job->measured, btf_scratch_free);
     if (ok) {
-        ret->exact = job->near->camera_mm != NULL;
+        ret->exact = job->near->camera_mm != NULL || job->near->lamp_mm != NULL;
         ret->n_views = job->near->views.n;
         ret->n_lights = job->near->lights.n;
         ret->sampled = job->all->sampled;

@@ -14,6 +14,9 @@
  *                                  view.centre_mm light.position_mm (v3d): calibrated positions of
  *                                  camera and lamp, sample frame. The exact directions of a texel
  *                                  point from the texel to these positions.
+ *                                  light.aim (v3d, sample frame), light.exponent (double): the lamp
+ *                                  shines in the direction of its aim, and with cos^exponent of
+ *                                  the angle from it. Missing means an exponent of 0.
  *                                  mesorig.saturated (int): number of pixels of the frame that are
  *                                  saturated in the shortest exposure
  *

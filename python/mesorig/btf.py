@@ -72,6 +72,8 @@ class BtfView:
     camera_mm  lights × 3: position of the camera in each picture, in the frame of the sample. It
                is NaN in imported sessions without positions, as is lamp_mm.
     lamp_mm    lights × 3: position of the lamp
+    lamp_aim   lights × 3: direction in which the lamp shines; NaN if it is not known
+    lamp_exponent  lights: n of the lamp's fall-off cosⁿ away from its aim; 0 if it is not known
     sigma_common  lights × 3: relative standard error that all values of a picture have in common
                (R, G, B). It is not included in sigma. NaN if it is not known.
     """
@@ -86,6 +88,10 @@ class BtfView:
         self.theta_deg, self.phi_deg = float(view.theta_deg[0]), float(view.phi_deg[0])
         self.camera_mm = points_of(parts, "view.centre_mm")
         self.lamp_mm = points_of(parts, "light.position_mm")
+        self.lamp_aim = points_of(parts, "light.aim")
+        self.lamp_exponent = np.array(
+            [part.attributes.get("light.exponent", 0.0) for part in parts], np.float64
+        )
         self.sigma_common = points_of(parts, "sigma.scale")
         shape = (parts[0].height, parts[0].width, len(parts))
         self.values: NDArray[np.float32] = np.empty(shape + (3,), np.float32)

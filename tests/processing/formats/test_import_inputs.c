@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "base/robust.h"
 #include "btf/btf_matrix.h"
+#include "btf/near_field.h"
 #include "formats/import.h"
 #include "lib/ok.h"
 #include "lib/test.h"
@@ -413,6 +414,77 @@ TEST(cropped) {
     ok(import_rti(path, list, &wish, &quietly, &result, ERR));
     g_assert_cmpint(result.width, ==, 6);
     g_assert_cmpint(result.holes, ==, 2 * (30 - 12));
+}
+
+/* Pictures of a diffuse plane under near lamps, given as positions or as directions and a distance.
+ * Each picture is a (h / r) (R / r)² cosⁿ α, with the way (x, y, h) from the texel to the lamp and
+ * its length r, and R the distance of the lamps from the middle. The import leaves a h / r. */
+TEST(near_lamps) {
+    enum { N = 5 };
+    const double texel_mm = 10, far_mm = 60;
+    for (int exponent = -1; exponent <= 1; exponent++) {
+        g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("near");
+        g_autofree char *list = g_build_filename(dir, exponent < 0 ? "dome.lp" : "dome.csv", NULL);
+        g_autoptr(GString) text =
+            g_string_new(exponent < 0 ? "" : "name,x_mm,y_mm,z_mm,exponent\n");
+        double lamps[N][3];
+        for (int k = 0; k < N; k++) {
+            g_autofree char *name = g_strdup_printf("p%d.exr", k);
+            g_autofree char *file = g_build_filename(dir, name, NULL);
+            static const char *const bgr[] = {"B", "G", "R", NULL};
+            g_autoptr(ExrFile) exr = exr_file_new();
+            struct exr_part *part = exr_part_new("picture", 4, 3, bgr, EXR_FLOAT);
+            light_of(k, N, lamps[k]);
+            exr_file_add(exr, part);
+            g_string_append_printf(text, exponent < 0 ? "%s %.9f %.9f %.9f\n" : "%s,%.9f,%.9f,%.9f",
+                                   name, (exponent < 0 ? 1 : far_mm) * lamps[k][0],
+                                   (exponent < 0 ? 1 : far_mm) * lamps[k][1],
+                                   (exponent < 0 ? 1 : far_mm) * lamps[k][2]);
+            if (exponent >= 0)
+                g_string_append_printf(text, ",%d\n", exponent);
+            for (int i = 0; i < 12; i++) {
+                const double px = (i % 4 - 1.5) * texel_mm, py = (1 - (int)(i / 4)) * texel_mm;
+                const double x = far_mm * lamps[k][0] - px, y = far_mm * lamps[k][1] - py,
+                             h = far_mm * lamps[k][2], r = sqrt(x * x + y * y + h * h);
+                const double cosine =
+                    (r * r + far_mm * far_mm - px * px - py * py) / (2 * r * far_mm);
+                for (int c = 0; c < 3; c++)
+                    part->planes[c][i] =
+                        (float)((0.1 + 0.1 * c) * h / r * far_mm * far_mm / (r * r) *
+                                pow(cosine, exponent < 0 ? 0 : exponent));
+            }
+            ok(exr_write(file, exr, EXR_ZIP, TRUE, ERR));
+        }
+        g_assert_true(g_file_set_contents(list, text->str, -1, NULL));
+        const struct import_wish wish = {.texel_mm = texel_mm,
+                                         .lamp_mm = exponent < 0 ? far_mm : 0};
+        struct import_result result;
+        ok(import_rti(path, list, &wish, &quietly, &result, ERR));
+        struct btf_matrix *btf = ok(btf_matrix_read(path, NULL, ERR));
+        struct near_field *near = ok(near_field_read(path, ERR));
+        g_assert_null(near->camera_mm);
+        for (int l = 0; l < N; l++) {
+            int k = 0; /* the lights of the session are sorted */
+            for (int other = 0; other < N; other++)
+                if (vec3_length(vec3_sub(near->lamp_mm[l],
+                                         vec3(far_mm * lamps[other][0], far_mm * lamps[other][1],
+                                              far_mm * lamps[other][2]))) < 1e-3)
+                    k = other;
+            g_assert_cmpfloat(near->lamp_exponent[l], ==, MAX(exponent, 0));
+            for (int i = 0; i < 12; i++) {
+                const double x = far_mm * lamps[k][0] - (i % 4 - 1.5) * texel_mm,
+                             y = far_mm * lamps[k][1] - (1 - (int)(i / 4)) * texel_mm,
+                             h = far_mm * lamps[k][2], r = sqrt(x * x + y * y + h * h);
+                const struct vec3 to = near_field_light(near, 0, l, i);
+                g_assert_cmpfloat_with_epsilon(to.x, x / r, 1e-6);
+                g_assert_cmpfloat_with_epsilon(to.y, y / r, 1e-6);
+                g_assert_cmpfloat_with_epsilon((double)btf->values[(i * N + l) * 3 + 2],
+                                               0.1 * h / r, 1e-3 * 0.1);
+            }
+        }
+        near_field_free(near);
+        btf_matrix_free(btf);
+    }
 }
 
 /* A map of the surroundings that is cropped would be stretched over the whole sphere. */
