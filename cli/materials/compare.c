@@ -6,6 +6,7 @@
 #include "common/cli.h"
 #include "common/plot.h"
 #include "common/work.h"
+#include "compare_lights.h"
 #include "compare_methods.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
@@ -260,8 +261,9 @@ static const GOptionEntry *entries(void) {
          "FILE"},
         {"leave-out", 0, 0, G_OPTION_ARG_STRING, &leave_out_option,
          "With one session: number of views and of lights that no method sees, or of one of them "
-         "(views=N, lights=N); a tenth of each",
-         "N"},
+         "(views=N, lights=N); a tenth of each. Or each: predict each light of one view from the "
+         "others",
+         "N|each"},
         {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
          "With one session: seed that draws the directions that are left out (1)", "N"},
         {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
@@ -304,9 +306,16 @@ static int run(const struct call *call, GError **error) {
     if (method_option && (b || curve_option))
         return cli_usage(call->command,
                          "--method needs one session, and cannot be given with --curve");
+    if (g_strcmp0(leave_out_option, "each") == 0) {
+        if (method_option || curve_option || seed_option != 1)
+            return cli_usage(call->command, "--leave-out=each needs no --method, --curve or "
+                                            "--seed: it compares bases of the light");
+        return compare_lights(a, call->record, error) ? CLI_DONE : CLI_FAILED;
+    }
     if (leave_out_option && !left_out_parse(leave_out_option, &left_out))
         return cli_usage(call->command,
-                         "--leave-out: “%s” is not a number, such as 4, views=4 or lights=4",
+                         "--leave-out: “%s” is not a number, such as 4, views=4 or lights=4, and "
+                         "not each",
                          leave_out_option);
     if (!b && !curve_option)
         return run_methods(call, &left_out, error);
@@ -338,7 +347,8 @@ const struct command cli_compare = {
     .arguments = "A B | DIR | DIR --curve FILE",
     .examples = "  mesorig compare weave.session\n"
                 "  mesorig compare weave.session weave.session/products/lpca.exr\n"
-                "  mesorig compare weave.session --curve curve.svg\n",
+                "  mesorig compare weave.session --curve curve.svg\n"
+                "  mesorig compare coin.session --leave-out each\n",
     .help = "Compare two materials or pictures, or all methods of compression.",
     .list_options = entries,
     .writes = TRUE,

@@ -81,6 +81,11 @@ void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int 
                                        : prediction->lights[l];
 }
 
+void prediction_mean_of(const Prediction *prediction, struct vec3 view, struct vec3 light,
+                        double ret[3]) {
+    prediction_mean(prediction->mean, prediction->max_gloss, view, light, ret);
+}
+
 /* Computes g of all pairs at a position: n_pairs × 3. */
 static void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret) {
     for (int p = 0; p < prediction->n_pairs; p++) {

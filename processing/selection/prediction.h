@@ -90,6 +90,18 @@ double prediction_error(const Prediction *prediction);
 double prediction_left_out_error(const Prediction *prediction);
 double prediction_left_out_share(const Prediction *prediction);
 
+/* Computes how each light of one view is predicted from all other lights, for n lights in any
+ * directions. The ratio of light j is predicted as z_j = Σ_i w_ij z_i from the ratios z_i = ρ_i /
+ * g_i of the others, with w_ij = −(K⁻¹)_ij / (K⁻¹)_jj and w_jj = 0 (Rasmussen and Williams 2006 eq.
+ * 5.12, where K is the covariance of the n lights and has the constants of the model). view and
+ * lights are unit vectors; ret_weights[i + n · j] is w_ij. Returns FALSE if K cannot be inverted.
+ * Any thread. */
+gboolean prediction_left_out_weights(const Prediction *prediction, struct vec3 view,
+                                     const struct vec3 *lights, int n, double *ret_weights);
+/* Computes g of R, G, B for a view and a light. */
+void prediction_mean_of(const Prediction *prediction, struct vec3 view, struct vec3 light,
+                        double ret[3]);
+
 /* A shot that may be captured, with the pairs that it would measure and its price. */
 struct prediction_shot {
     const int *pairs;

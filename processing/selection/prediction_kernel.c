@@ -134,6 +134,33 @@ void prediction_covariance_small(const Prediction *prediction, const int *pairs,
         }
 }
 
+gboolean prediction_left_out_weights(const Prediction *prediction, struct vec3 view,
+                                     const struct vec3 *lights, int n, double *ret_weights) {
+    Prediction of = *prediction;
+    g_autofree struct vec3 *directions = g_memdup2(lights, sizeof *lights * (gsize)n);
+    g_autofree int *pairs = g_new(int, n);
+    of.n_views = 1;
+    of.n_lights = n;
+    of.views = &view;
+    of.lights = directions;
+    for (int i = 0; i < n; i++)
+        pairs[i] = i;
+    prediction_covariance_small(&of, pairs, n, ret_weights);
+    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, ret_weights, n) != 0 ||
+        LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', n, ret_weights, n) != 0)
+        return FALSE;
+    for (int j = 0; j < n; j++) /* K⁻¹ is in the lower triangle, i ≥ j */
+        for (int i = 0; i < j; i++)
+            ret_weights[i + (gsize)n * (gsize)j] = ret_weights[j + (gsize)n * (gsize)i];
+    for (int j = 0; j < n; j++) {
+        double *column = ret_weights + (gsize)n * (gsize)j;
+        const double diagonal = column[j];
+        for (int i = 0; i < n; i++)
+            column[i] = i == j ? 0 : -column[i] / diagonal;
+    }
+    return TRUE;
+}
+
 double prediction_prior_variance(const Prediction *prediction, int pair) {
     const double *c = prediction->constants;
     return 1 + c[PREDICTION_C1] + c[PREDICTION_C2] + c[PREDICTION_C3] + c[PREDICTION_C4] +

@@ -45,12 +45,19 @@ Errors of compression at directions that it has not seen. The times, in the last
   $ mesorig compare S --leave-out 2
   mesorig: S: 2 of 4 views cannot be left out, because at least 3 must be kept; leave out fewer views
   [1]
+  $ mesorig compare S --leave-out each
+  mesorig: S: the session has pictures under 4 lights; to predict each from the others, at least 5 are needed
+  [1]
+  $ mesorig compare S --leave-out each -m hsh
+  mesorig compare: --leave-out=each needs no --method, --curve or --seed: it compares bases of the light
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
   $ mesorig compare S --leave-out views=-1
-  mesorig compare: --leave-out: “views=-1” is not a number, such as 4, views=4 or lights=4
+  mesorig compare: --leave-out: “views=-1” is not a number, such as 4, views=4 or lights=4, and not each
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S --leave-out texels=1
-  mesorig compare: --leave-out: “texels=1” is not a number, such as 4, views=4 or lights=4
+  mesorig compare: --leave-out: “texels=1” is not a number, such as 4, views=4 or lights=4, and not each
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m wavelets

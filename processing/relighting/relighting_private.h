@@ -1,0 +1,19 @@
+/* The files of the room share the weights with which lights are predicted. */
+#pragma once
+
+#include "relighting.h"
+#include "selection/prediction.h"
+
+/* A model that has been fitted to the pictures as far as all texels share it. */
+struct relighting_fit {
+    const Relighting *relighting;
+    const struct relighting_model *model;
+    double sigma;           /* of RBF */
+    Prediction *prediction; /* of kriging */
+};
+
+/* Computes w_ij for directions of the lights: ret_weights[i + n · j]. Returns FALSE if the lights
+ * do not determine them; *ret_light is then the light that cannot be left out, or −1 if the lights
+ * do not even determine the terms together. */
+gboolean relighting_weights(const struct relighting_fit *fit, struct vec3 view,
+                            const struct vec3 *lights, int n, double *ret_weights, int *ret_light);
