@@ -263,7 +263,7 @@ static const GOptionEntry *entries(void) {
          "With one session: number of views and of lights that no method sees, or of one of them "
          "(views=N, lights=N); a tenth of each. Or each: predict each light of one view from the "
          "others",
-         "N|each"},
+         "N"},
         {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
          "With one session: seed that draws the directions that are left out (1)", "N"},
         {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
