@@ -163,7 +163,8 @@ TEST(grbl) {
 
 TEST(marlin) {
     struct virtual_gcode_options with = board;
-    with.marlin = with.emergency_parser = TRUE;
+    with.language = VIRTUAL_MARLIN;
+    with.emergency_parser = TRUE;
     g_autoptr(VirtualGcode) model = ok(virtual_gcode_new(&with, ERR));
     g_autofree char *section = gcode_section(model, "marlin");
     record_and_replay("gcode-axis-marlin", section, moves);

@@ -87,7 +87,7 @@ TEST(operator) {
 TEST(recorded) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
-    begin(&bench, folder, TRUE);
+    begin(&bench, folder, VIRTUAL_GRBL, TRUE);
     g_autofree char *path = g_build_filename(folder, "board.rec", NULL);
     g_autofree char *page = g_build_filename(folder, "board.html", NULL);
     g_free(process_mesorig(0, "test --address %s --record %s --report %s", bench.run.address, path,
@@ -109,7 +109,7 @@ TEST(recorded__silence) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     const struct virtual_gcode_faults silent = {.silent = TRUE};
-    begin(&bench, folder, FALSE);
+    begin(&bench, folder, VIRTUAL_GRBL, FALSE);
     g_free(process_mesorig(0, "close --address %s", bench.run.address));
     virtual_gcode_fail(bench.board, &silent);
     g_autofree char *path = g_build_filename(folder, "board.rec", NULL);
