@@ -34,7 +34,7 @@ char *program_find(const char *name, GError **error) {
         g_set_error(
             error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
             "%s is neither in the folder of this program, nor in ../libexec/mesorig relative "
-            "to it, nor in PATH: install it",
+            "to it, nor in PATH: install Mesorig again",
             name);
     return found;
 }
@@ -44,7 +44,7 @@ char *program_find_module(const char *name, GError **error) {
     if (!found)
         g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
                     "%s is neither in the folder of this program nor in ../libexec/mesorig "
-                    "relative to it: install it",
+                    "relative to it: install Mesorig again",
                     name);
     return found;
 }

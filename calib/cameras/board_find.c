@@ -388,7 +388,10 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
                "with their numbers: correct --board",
                found->len, board->dictionary, board->columns, board->rows);
     else
-        refuse(error, "no board is visible: no marker of the dictionary %s was found",
+        refuse(error,
+               "no board is visible: no marker of the dictionary %s was found; if the picture "
+               "shows the board, correct dictionary= in --board, or take a sharper, brighter "
+               "picture",
                board->dictionary);
     return FALSE;
 }

@@ -97,10 +97,13 @@ static gboolean gather(struct job *job, GError **error) {
             return FALSE;
     if (job->base.frames->len > 0)
         return TRUE;
+    g_autoptr(GString) sessions = g_string_new(NULL);
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(sessions, "%s%s", i ? ", " : "", job->base.sessions[i]);
     g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                "%s: no laser sweeps were captured in this session: give laser positions in the "
-                "section [lasers] of its session file, and capture the session again",
-                job->base.sessions[0]);
+                "%s: no laser sweeps were captured: give laser positions in the section [lasers] "
+                "of the session file, and capture again",
+                sessions->str);
     return FALSE;
 }
 

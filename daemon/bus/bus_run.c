@@ -105,7 +105,10 @@ void bus_run_close(struct bus_run *run) {
 
 gboolean bus_run_need(const struct bus_run *run, GError **error) {
     if (!run->capture)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_SESSION, "nothing is being captured");
+        g_set_error(
+            error, BUS_ERROR, BUS_ERROR_NO_SESSION,
+            "nothing is being captured; mesorig status shows the rig, and mesorig queue list "
+            "the sessions that wait");
     return run->capture != NULL;
 }
 

@@ -39,14 +39,15 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
     if (from >= limits->min_deg && to <= limits->max_deg && to > from && to - from < 180)
         return TRUE;
     if (from >= limits->min_deg && to <= limits->max_deg)
-        g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                    "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and a sweep "
-                    "must be more than 0° and less than 180°: reduce [capture] sweep_margin_mm, or "
-                    "correct the position of the laser in the rig file",
-                    laser->name, from, to);
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, b->conf, "lasers", NULL,
+            "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and a sweep "
+            "must be more than 0° and less than 180°: reduce [capture] sweep_margin_mm, or "
+            "correct the position of the laser in the rig file",
+            laser->name, from, to);
     else
-        g_set_error(
-            error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, b->conf, "lasers", NULL,
             "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and its sweep "
             "axis goes from %g° to %g°: reduce [capture] sweep_margin_mm or widen the limits "
             "in the rig file",
@@ -154,10 +155,11 @@ static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *fro
         return TRUE;
     g_autofree char *names = plan_camera_names(b, hidden);
     if (b->conf->on_blocked == BLOCKED_REFUSE) {
-        g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
-                    "%s %s and %s are in each other's way: leave one of them out, or set [capture] "
-                    "on_blocked = skip",
-                    what, name, names);
+        plan_set_error(
+            error, PLAN_ERROR_BLOCKED, b->conf, kind == SHOT_LAMP ? "lights" : "lasers", NULL,
+            "%s %s and %s are in each other's way: leave one of them out, or set [capture] "
+            "on_blocked = skip",
+            what, name, names);
         return FALSE;
     }
     p.cameras = hidden;
@@ -222,11 +224,12 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
     gint64 shift;
 
     if (b->conf->on_blocked == BLOCKED_REFUSE) {
-        g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
-                    "the light arc stands in the picture of %s with the turntable at %g° and the "
-                    "arc at %g°: turn [lights] and [lasers] by another offset_deg, or set "
-                    "[capture] on_blocked = shift",
-                    names, (double)p.turn_udeg / UDEG, (double)p.arc_udeg / UDEG);
+        plan_set_error(
+            error, PLAN_ERROR_BLOCKED, b->conf, "capture", "on_blocked",
+            "the light arc stands in the picture of %s with the turntable at %g° and the "
+            "arc at %g°: turn [lights] and [lasers] by another offset_deg, or set "
+            "[capture] on_blocked = shift",
+            names, (double)p.turn_udeg / UDEG, (double)p.arc_udeg / UDEG);
         return FALSE;
     }
     if (b->conf->on_blocked == BLOCKED_SHIFT &&
@@ -254,12 +257,13 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
         .turn_udeg = turn->udeg, .azimuth = azimuth, .probe_udeg = probe, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
-        g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                    "the light arc cannot turn to %g°, which is needed with the turntable at %g°: "
-                    "min_deg and max_deg of [axis arc] are %g° and %g°. Leave out directions, or "
-                    "change min_deg and max_deg in the rig file",
-                    (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG,
-                    b->timing->arc.min_deg, b->timing->arc.max_deg);
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, b->conf, "lights", NULL,
+            "the light arc cannot turn to %g°, which is needed with the turntable at %g°: "
+            "min_deg and max_deg of [axis arc] are %g° and %g°. Leave out directions, or "
+            "change min_deg and max_deg in the rig file",
+            (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
+            b->timing->arc.max_deg);
         return FALSE;
     }
     const struct camera_set blocked =

@@ -19,9 +19,9 @@
 #define LOOK_US        (2 * BEAT_MS * 1000) /* maximum silence that one check adds */
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
-#define LASTED_US                                                                                  \
-    (10 * G_USEC_PER_SEC) /* running time after which the next pause is MIN_RESTART_MS */
-#define AWAIT_US (5 * G_USEC_PER_SEC)
+/* A guardian that has run for this time is restarted after MIN_RESTART_MS. */
+#define LASTED_US (10 * G_USEC_PER_SEC)
+#define AWAIT_US  (5 * G_USEC_PER_SEC)
 
 struct Guardian {
     char *rig_path;
@@ -201,10 +201,12 @@ static gboolean await_first_answer(Guardian *guardian, GError **error) {
     if (guardian->refusal)
         return device_error_set(error, DEVICE_ERROR_BUSY, NULL, "%s", guardian->refusal);
     if (at.revents & POLLHUP)
-        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                "the guardian of %s (process %d) has ended" ERROR_ADVICE
-                                "the messages of mesorigd say why",
-                                guardian->rig_path, (int)guardian->pid);
+        return device_error_set(
+            error, DEVICE_ERROR_DISCONNECTED, NULL,
+            "the guardian of %s (process %d) has ended" ERROR_ADVICE
+            "read the messages of mesorigd; if they have no reason, the guardian "
+            "has crashed: start mesorigd again",
+            guardian->rig_path, (int)guardian->pid);
     kill(guardian->pid, SIGKILL);
     return device_error_set(
         error, DEVICE_ERROR_TIMEOUT, NULL,

@@ -164,7 +164,7 @@ static void unplugged(GcodeBoard *board, const char *why) {
     GError *error =
         device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
                          "%s: the board was unplugged or its port has failed (%s)" ERROR_ADVICE
-                         "plug it in again, then home it",
+                         "plug the board in again, then home its axes (mesorig home)",
                          board->link.port, why);
     for (guint i = 0; i < board->clients->len; i++) {
         GcodeClient *client = board->clients->pdata[i];

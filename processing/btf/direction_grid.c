@@ -93,10 +93,9 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
 }
 
 /* Solves [K P; Pᵀ 0] · inverse = [I; 0] with K_ij = |ω_i − ω_j| and P_i = (1, ω_i). Takes the
- * solution of least norm, which also exists for repeated, coplanar or single directions. Returns
- * FALSE if LAPACK fails. */
-static gboolean smooth_init(struct smooth *smooth, const struct direction_list *list,
-                            gboolean lights) {
+ * solution of least norm, which also exists for repeated, coplanar or single directions. Returns 0,
+ * or the code with which LAPACK failed. */
+static int smooth_init(struct smooth *smooth, const struct direction_list *list, gboolean lights) {
     const int n = (int)list->n, m = n + LINEAR;
     g_autofree double *a = g_new0(double, m *m), *singular = g_new(double, m);
     int rank;
@@ -111,7 +110,7 @@ static gboolean smooth_init(struct smooth *smooth, const struct direction_list *
         smooth->inverse[(gsize)i * (gsize)n + (gsize)i] = 1;
     }
     return LAPACKE_dgelsd(LAPACK_ROW_MAJOR, m, m, n, a, m, smooth->inverse, n, singular, 1e-7,
-                          &rank) == 0;
+                          &rank);
 }
 
 static void smooth_clear(struct smooth *smooth) {
@@ -284,12 +283,14 @@ float *direction_grid_operator(const struct direction_list *list, int n_grid, gb
     struct smooth smooth = {0};
     if (!check_grid(list, n_grid, lights, error))
         return NULL;
-    if (!smooth_init(&smooth, list, lights)) {
+    const int info = smooth_init(&smooth, list, lights);
+    if (info != 0) {
         smooth_clear(&smooth);
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the %zu directions of %s cannot be interpolated on a grid of %d × %d; give "
-                    "another grid or none",
-                    list->n, lights ? "lights" : "views", n_grid, n_grid);
+                    "no grid can be computed from the %zu directions of the %s (LAPACK's dgelsd "
+                    "failed with code %d); resample the session to other directions first (mesorig "
+                    "resample)",
+                    list->n, lights ? "lights" : "views", info);
         return NULL;
     }
     struct equations everywhere = follow_smooth(&smooth, n_grid);

@@ -77,15 +77,17 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     gboolean good = n ? length == n : length > 0 && length % 3 == 0 && length / 3 <= MAX_LIGHTS;
     const gboolean counted = good;
     guint i = 0;
-    while (good && i < length) {
-        good = relight_number(json_array_get_element(array, i), &ret[i]);
-        i++;
-    }
+    while (good && i < length)
+        if ((good = relight_number(json_array_get_element(array, i), &ret[i])))
+            i++;
     if (ret_n)
         *ret_n = length;
     if (good)
         return g_steal_pointer(&ret);
-    if (counted)
+    if (!array)
+        data_error_set(relight->path, 0, error,
+                       "“%s” is missing or no array; build the set again in Relight", key);
+    else if (counted)
         data_error_set(
             relight->path, 0, error,
             "value %u of “%s”, counted from 0, is not a number; build the set again in Relight", i,

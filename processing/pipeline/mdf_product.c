@@ -54,13 +54,15 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
     return data_error_fail(
         input->input.path, 0, error,
         "the sweep goes from %g° to %g° in %d steps, but the session's plan has %g° to %g° in %d "
-        "steps; capture this sweep again",
+        "steps; delete this file, and `mesorig resume` captures the sweep again",
         from, to, steps, input->from_rad / degree, input->to_rad / degree, input->steps);
 }
 
 /* Minimum height in DN of a line above the median of the reference region. This is the default of
  * the key laser_threshold_dn. */
 #define LINE_DN 12
+
+#define AGAIN "; delete %s, and `mesorig resume` captures the sweep again"
 
 /* Finds lines as in the paper. Reads the frames that the session has kept in the folder of the
  * sweep's file. */
@@ -83,14 +85,12 @@ static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_inp
             return FALSE;
         }
         if (!values)
-            return data_error_fail(path, 0, error,
-                                   "part frame lacks channel Y; capture this sweep again");
+            return data_error_fail(path, 0, error, "part frame lacks channel Y" AGAIN,
+                                   input->input.path);
         if ((gsize)frame->width * frame->height != n)
             return data_error_fail(
-                path, 0, error,
-                "the frame has %d × %d pixels, but the sweep has %d × %d; capture "
-                "this sweep again",
-                frame->width, frame->height, size->width, size->height);
+                path, 0, error, "the frame has %d × %d pixels, but the sweep has %d × %d" AGAIN,
+                frame->width, frame->height, size->width, size->height, input->input.path);
         for (gsize i = 0; i < n; i++)
             pixels[i] = (guint16)CLAMP(values[i], 0.0F, 65535.0F);
         laser_pictures_add(pictures, pixels);

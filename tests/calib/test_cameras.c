@@ -104,8 +104,11 @@ TEST(empty) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Picture) picture = read_empty(0, NULL, NULL);
     g_assert_null(board_find(picture, &f.board, FALSE, &error));
-    g_assert_cmpstr(error->message, ==,
-                    "no board is visible: no marker of the dictionary 4x4_50 was found");
+    g_assert_cmpstr(
+        error->message, ==,
+        "no board is visible: no marker of the dictionary 4x4_50 was found; if the picture "
+        "shows the board, correct dictionary= in --board, or take a sharper, brighter "
+        "picture");
 }
 
 TEST(mirrored) {

@@ -185,8 +185,8 @@ TEST(refused) {
     assert_has(one, "low.session/laser/");
     g_free(RUN(1, "of its description fits the shadows", "calibrate", "lights", "low.session", "-t",
                "target.conf", "-o", "no.conf"));
-    g_free(RUN(1, "no laser sweeps were captured in this session", "calibrate", "laser",
-               "poles.session", "-o", "no.conf"));
+    g_free(RUN(1, "poles.session, poles.session: no laser sweeps were captured", "calibrate",
+               "laser", "poles.session", "poles.session", "-o", "no.conf"));
     g_free(RUN(1, "give one height from 0 to 1000 mm for each of the 2 sessions", "calibrate",
                "laser", "low.session", "high.session", "--planes", "1;x", "-o", "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",

@@ -54,9 +54,9 @@ gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GErro
     int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
     if (info != 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the eigen-maps of %d views cannot be computed (the LAPACK function dsyev "
-                    "returned %d); check the BTF for extremely large values",
-                    n, info);
+                    "the eigen-maps cannot be computed (LAPACK's dsyev failed on a matrix of %d × "
+                    "%d with code %d); check the BTF for extremely large values",
+                    n, n, info);
     return info == 0;
 }
 

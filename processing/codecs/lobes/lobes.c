@@ -306,8 +306,9 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
     const struct btf_layout *layout = &btf->layout;
     if ((guint)options->model >= LOBES_MODELS) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "there is no analytic model number %d; give a number from 0 to %d",
-                    (int)options->model, LOBES_MODELS - 1);
+                    "there is no analytic model number %d; give LOBES_FIELDS, LOBES_PTM, "
+                    "LOBES_LAFORTUNE, LOBES_WARD or LOBES_ASHIKHMIN",
+                    (int)options->model);
         return NULL;
     }
     if (options->n_lobes < 0 || options->n_lobes > LOBES_MAX_LOBES) {

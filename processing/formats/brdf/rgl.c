@@ -42,10 +42,10 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
     }
     if (field->type != type || field->n_dimensions != n_dimensions) {
         data_error_set(path, 0, error,
-                       "the field “%s” has %d dimensions of type %d, but must have "
-                       "%d of type %d (%s); copy the file again",
-                       name, field->n_dimensions, (int)field->type, n_dimensions, (int)type,
-                       type == TENSOR_FLOAT32 ? "float32" : "uint8");
+                       "the field “%s” has %d dimensions of %s, but must have %d of %s; copy the "
+                       "file again, or give another file of the RGL database",
+                       name, field->n_dimensions, tensor_type_name(field->type), n_dimensions,
+                       tensor_type_name(type));
         return NULL;
     }
     for (int i = 0; i < n_dimensions; i++)

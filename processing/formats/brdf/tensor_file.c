@@ -21,6 +21,13 @@ static gsize type_bytes(enum tensor_type type) {
     return bytes[type];
 }
 
+const char *tensor_type_name(enum tensor_type type) {
+    static const char *const names[] = {"",      "uint8",   "int8",    "uint16",
+                                        "int16", "uint32",  "int32",   "uint64",
+                                        "int64", "float16", "float32", "float64"};
+    return names[type];
+}
+
 static void field_free(gpointer data) {
     struct tensor_field *field = data;
     g_free(field->name);

@@ -29,6 +29,9 @@ enum tensor_type {
     TENSOR_FLOAT64,
 };
 
+/* Returns for example "float32". */
+const char *tensor_type_name(enum tensor_type type);
+
 struct tensor_field {
     char *name;
     enum tensor_type type;

@@ -10,9 +10,9 @@ struct session_view_files {
     struct direction_list views, lights;
 };
 
-/* Opens the files. The lights are read from the first view. The lights of another view are compared
- * with these when that view is read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet.
- * Call session_view_files_clear() even after an error. */
+/* Lists the files, and reads their headers. The lights are those of the first view. The lights of
+ * another view are compared with these when that view is read. The error is DATA_ERROR_INCOMPLETE
+ * if there is no BTF yet. Call session_view_files_clear() even after an error. */
 gboolean session_view_files_open(struct session_view_files *ret, const char *session,
                                  GError **error);
 void session_view_files_clear(struct session_view_files *files);

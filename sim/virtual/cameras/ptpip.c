@@ -817,16 +817,31 @@ static gpointer accept_all(gpointer data) {
     }
 }
 
-static gboolean listen_at(VirtualPtpip *camera) {
+static gboolean listen_at(VirtualPtpip *camera, GError **error) {
     struct sockaddr_in at = {.sin_family = AF_INET};
     socklen_t size = sizeof at;
-    camera->listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (camera->listener < 0 || inet_pton(AF_INET, camera->host, &at.sin_addr) != 1 ||
-        bind(camera->listener, (struct sockaddr *)&at, sizeof at) != 0 ||
-        listen(camera->listener, 8) != 0 ||
-        getsockname(camera->listener, (struct sockaddr *)&at, &size) != 0 ||
-        pipe2(camera->wake, O_CLOEXEC) != 0)
+    if (inet_pton(AF_INET, camera->host, &at.sin_addr) != 1) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "virtual camera %s: this is not an IPv4 address; give one such as 127.0.0.1",
+                    camera->host);
         return FALSE;
+    }
+    if (pipe2(camera->wake, O_CLOEXEC) != 0) {
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual camera %s: no pipe can be made: %s; close other programs",
+                    camera->host, g_strerror(errno));
+        return FALSE;
+    }
+    camera->listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (camera->listener < 0 || bind(camera->listener, (struct sockaddr *)&at, sizeof at) != 0 ||
+        listen(camera->listener, 8) != 0 ||
+        getsockname(camera->listener, (struct sockaddr *)&at, &size) != 0) {
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual camera %s: no socket can be opened at this address: %s; give an "
+                    "address of this computer, such as 127.0.0.1",
+                    camera->host, g_strerror(errno));
+        return FALSE;
+    }
     const int port = ntohs(at.sin_port);
     camera->port = g_strdup_printf("ptpip:%s:%d:%d", camera->host, port, port);
     return TRUE;
@@ -853,10 +868,7 @@ VirtualPtpip *virtual_ptpip_new(const struct virtual_ptpip_options *options, GEr
     camera->last_handle = FOLDER_HANDLE - 1;
     add_object(camera, g_strdup(FOLDER_NAME), FORMAT_FOLDER, g_bytes_new(NULL, 0));
     camera->last_handle = 0;
-    if (!listen_at(camera)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual camera %s: no socket can be opened at this address: %s", camera->host,
-                    g_strerror(errno));
+    if (!listen_at(camera, error)) {
         virtual_ptpip_free(camera);
         return NULL;
     }

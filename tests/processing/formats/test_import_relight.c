@@ -157,6 +157,14 @@ TEST(bad) {
          "18, "
          "\"materials\": [{\"scale\": [1, \"2\"]}]}",
          "“scale” has 2 values, but needs 18 numbers"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
+         "18, \"materials\": [{\"scale\": [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, \"11\", 12, 13, 14, "
+         "15, "
+         "16, 17]}]}",
+         "value 11 of “scale”, counted from 0, is not a number"},
+        {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
+         "18, \"materials\": [{\"bias\": []}]}",
+         "“scale” is missing or no array"},
     };
     g_autofree char *info = in_folder("info.json"), *gone = in_folder("plane_2.png");
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {

@@ -332,12 +332,15 @@ TEST(refused) {
     float phi[2] = {1, 0}, vndf[4] = {0}, infinite[4] = {INFINITY, 1, 1, 1};
     const struct tensor_field falling = {NULL, TENSOR_FLOAT32, 1, {2}, 2, 8, phi};
     const struct tensor_field empty = {NULL, TENSOR_FLOAT32, 4, {1, 1, 2, 2}, 4, 16, vndf};
+    const struct tensor_field bytes_only = {NULL, TENSOR_INT16, 1, {2}, 2, 4, phi};
     const struct tensor_field wrong = {NULL, TENSOR_FLOAT32, 2, {2, 2}, 4, 16, infinite};
     g_free(copy_without(good, "sigma", NULL));
     g_autofree char *copy = copy_without(good, "sigma", NULL);
     assert_refused(copy, BRDF_RGL, "lacks the field “sigma”");
     g_free(copy_without(good, "phi_i", &falling));
     assert_refused(copy, BRDF_RGL, "“phi_i” must ascend");
+    g_free(copy_without(good, "phi_i", &bytes_only));
+    assert_refused(copy, BRDF_RGL, "“phi_i” has 1 dimensions of int16, but must have 1 of float32");
     g_free(copy_without(good, "vndf", &empty));
     assert_refused(copy, BRDF_RGL, "1 × 1 directions of incidence");
     g_free(copy_without(good, "ndf", &wrong));
