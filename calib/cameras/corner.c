@@ -48,9 +48,10 @@ static void inwards(const struct board *board, int id, double ret[2]) {
         ret[k] = corners[(id + 2) % 4][k] > corners[id % 4][k] ? 1 : -1;
 }
 
-/* Like is_clear(), for the corner of a marker in a grid of markers. dx, dy are positive inside the
- * marker. Only the marker's border is black, so the pixels must lie in its border or outside the
- * marker. */
+/* Returns whether a pixel shows only the border of the marker or the board outside the marker, for
+ * the corner of a marker in a grid of markers. Inside a marker only the border is certainly black,
+ * so a pixel must lie in the border or outside the marker. dx, dy are positive inside the marker.
+ * is_clear() (below) is for the corners of squares. */
 static gboolean is_clear_of_marker(const struct board *board, double dx, double dy,
                                    const double guard_mm[2]) {
     const int bits = vision_dictionary(board->dictionary, NULL), border = board_border(board);

@@ -483,9 +483,9 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
     struct vec3 way =
         vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
+    /* atan2(), not atan(): only the half of the sheet on the beam's side of the axis is lit. */
     double about = atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
 
-    /* The lit half of the sheet lies on the beam's side of the axis. */
     return (about - bent_rad(laser, way)) / (1 + laser->stretch);
 }
 

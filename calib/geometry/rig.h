@@ -279,7 +279,7 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
 
 /* Returns the angle by which the sweep angle must be increased so that the plane of
  * rig_laser_sheet() contains the light of the bent sheet at a point near the plane: bend_rad·t² /
- * (1 + stretch). It is 0 for a flat sheet. */
+ * (1 + stretch), with the t of struct rig_laser. It is 0 for a flat sheet. */
 double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                           struct vec3 point_mm);
 

@@ -29,10 +29,11 @@ struct laser_point {
     int laser, camera;
     double arc_rad, sweep_rad; /* commanded angles of arc and sweep */
     struct vec3 point_mm;      /* rig frame */
-    double sigma_mm;           /* standard deviation across the sheet */
-    float shift[4]; /* derivative of the point's x and y (mm) with respect to the camera's offset
-                       (px), across and down */
-    float noise_mm; /* standard deviation across the sheet caused by noise only; 0 if not known */
+    double sigma_mm; /* assumed standard deviation of the point's distance from the sheet */
+    float shift[4];  /* derivative of the point's x and y (mm) with respect to the camera's offset
+                        (px), across and down */
+    float
+        noise_mm; /* standard deviation of this distance caused by the camera's noise; 0: unknown */
     float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0 if not known */
 };
 

@@ -67,7 +67,8 @@ static gboolean work_compare(const struct work *work, gpointer data, GError **er
     if (!compare->of_b)
         return FALSE;
     compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
-    /* Directions below the horizon can be compared, but nothing can be evaluated between them. */
+    /* compare_evaluation_ns() fails if B has directions below the horizon. Such materials can be
+     * compared, but nothing can be evaluated between their directions. NAN leaves the time out. */
     if (compare->comparison && !compare_evaluation_ns(compare->of_b, &compare->evaluation_ns, NULL))
         compare->evaluation_ns = NAN;
     return compare->comparison && (!compare->plot || draw(compare, error));

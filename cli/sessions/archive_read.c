@@ -356,9 +356,10 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
                       100 * bounds);
 }
 
-/* Adds to each ring the shares of the MDF's texels that were measured and that other views supply.
- * Adds a check of both shares together, or a failed check if a session of sweeps has no MDF.
- * Returns FALSE with an error if the MDF cannot be read, or if the work is cancelled. */
+/* Adds two shares of the MDF's texels to each ring: those that the view measured, and those that
+ * other views supply. Adds a check of both shares together, or a failed check if a session of
+ * sweeps has no MDF. Returns FALSE with an error if the MDF cannot be read, or if the work is
+ * cancelled. */
 static gboolean read_mdf(struct archive *archive, const struct work *work, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {

@@ -99,7 +99,7 @@ static double *find_means(const struct btf_matrix *btf, GError **error) {
     return g_steal_pointer(&means);
 }
 
-/* Returns the asymmetry s of the values minus a pedestal. */
+/* Returns the asymmetry s of the values after the pedestal is subtracted from each of them. */
 static double asymmetry(const GArray *pairs, const double *values, double pedestal) {
     double differences = 0, squares = 0;
     for (guint i = 0; i < pairs->len; i++) {

@@ -79,7 +79,8 @@ void time_left_rates_learn(struct time_left_rates *rates,
     }
 }
 
-/* For each stage, the CPU time in seconds of a unit, in views of each θ in whole degrees. */
+/* s[stage][θ] is the CPU time in seconds of one unit of work of the stage, in a view at θ, rounded
+ * to whole degrees. */
 struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };

@@ -137,8 +137,9 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
  * LPCA_FLOAT if lpca is packed. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
-/* Rounds the values in memory as a file of this kind rounds them. The local PCA must be LPCA_FLOAT
- * before the call. Its error becomes 0, because it is not measured again. */
+/* Rounds the values in memory as lpca_write() rounds them in a file of the kind `quantise`. The
+ * local PCA must be LPCA_FLOAT before the call. Its error becomes 0, because it is not measured
+ * again. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
 /* Returns the maximum number of bytes of memory that lpca_compute() takes in addition to the BTF's

@@ -42,7 +42,7 @@ struct relief_scene {
     gboolean silhouettes, shadows;
     gboolean along_surface; /* textures for along.glsl are made and bound */
     gboolean lit;           /* the first lamp is on; if FALSE, it casts no shadow */
-    double light_size_deg;  /* angle that the first lamp covers; 0 for sharp shadows */
+    double light_size_deg;  /* angular diameter of the first lamp, seen from the mesh; 0: sharp */
     int n_further;          /* number of further lamps */
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
     /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size

@@ -20,10 +20,12 @@ struct virtual_ptpip_options {
     double black_level;     /* black level of the raw file */
     VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
     gpointer data;
-    gboolean jpeg;   /* pictures are JPEG: grey, sRGB */
-    gboolean both;   /* each picture is a JPEG and then a raw file */
-    gboolean memory; /* with nikon: pictures stay in the camera's memory until they are copied */
-    gboolean nikon;  /* speaks Nikon's dialect: other operations, and events that are polled */
+    gboolean jpeg; /* pictures are JPEG: grey, sRGB */
+    gboolean both; /* each picture is a JPEG and then a raw file */
+    /* with nikon: pictures go to the camera's memory, which has one picture: a new picture replaces
+     * one that was not copied */
+    gboolean memory;
+    gboolean nikon; /* speaks Nikon's dialect: other operations, and events that are polled */
 };
 
 /* The faults that virtual_ptpip_fail() sets. Members of type int, except battery, are numbers of

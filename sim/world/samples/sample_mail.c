@@ -42,7 +42,8 @@
 
 struct mail {
     const struct sample_options *options;
-    int n_x, n_y;      /* number of rings in a row and of rows, in one piece; n_y is even */
+    int n_x, n_y;      /* rings in a row, and rows, in one of the `repeats` equal pieces of the
+                        * sample; n_y is even */
     double p_mm, q_mm; /* p, q; p / q is between 0.96 and 2.18 for samples of all sizes */
     double ring_mm, wire_mm, tilt, sway; /* R, r, t, s */
 };
