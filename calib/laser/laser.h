@@ -32,8 +32,7 @@ struct laser_point {
     double sigma_mm; /* assumed standard deviation of the point's distance from the sheet */
     float shift[4];  /* derivative of the point's x and y (mm) with respect to the camera's offset
                         (px), across and down */
-    float
-        noise_mm; /* standard deviation of this distance caused by the camera's noise; 0: unknown */
+    float noise_mm;  /* standard deviation that camera noise alone causes; 0 if not known */
     float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0 if not known */
 };
 

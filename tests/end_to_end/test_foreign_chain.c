@@ -7,8 +7,8 @@
  * The nominal values of the rig (foreign_album.h) are some millimetres off, as a ruler's are, and
  * say nothing of brightness.
  *
- * --print: prints errors and error bars' χ² of each view. FOREIGN_CHAIN=DIR: writes pictures and
- * tables there, and does nothing else.
+ * --print: prints errors and error bars' χ² of each view. FOREIGN_CHAIN=DIR: writes pictures,
+ * tables and nominal values there, and does nothing else.
  */
 #include "btf/btf.h"
 #include "btf/btf_sigma.h"
@@ -692,11 +692,11 @@ int main(int argc, char **argv) {
     printing = argc > 1 && strcmp(argv[1], "--print") == 0;
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
     folder = kept ? g_strdup(kept) : path_in("pictures");
-    nominal = path_in("nominal.conf");
+    nominal = g_build_filename(kept ? folder : session_fixture_folder, "nominal.conf", NULL);
     calibration = path_in("calibration.conf");
     g_test_add_func("/foreign_chain/pictures", write_all);
+    g_test_add_func("/foreign_chain/nominal", write_nominal);
     if (!kept) {
-        g_test_add_func("/foreign_chain/nominal", write_nominal);
         g_test_add_func("/foreign_chain/cameras", test_cameras);
         g_test_add_func("/foreign_chain/lights", test_lights);
         g_test_add_func("/foreign_chain/laser", test_laser);
