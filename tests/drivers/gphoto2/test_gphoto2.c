@@ -582,6 +582,20 @@ TEST(together) {
         end(&benches[i]);
 }
 
+/* A virtual camera at an address that is none, and at one of another computer. */
+TEST(no_address) {
+    static const char *const hosts[][2] = {
+        {"nowhere", "virtual camera nowhere: this is not an IPv4 address"},
+        {"192.0.2.1", "virtual camera 192.0.2.1: no socket can be opened at this address"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(hosts); i++) {
+        struct virtual_ptpip_options options = usual;
+        g_autoptr(GError) error = NULL;
+        options.host = hosts[i][0];
+        g_assert_null(virtual_ptpip_new(&options, &error));
+        assert_has(error->message, hosts[i][1]);
+    }
+}
+
 #define MAX_RECOVERY_S 5
 
 /* After a picture was given up at any time, with any fault, the next one arrives within 5 s, and
