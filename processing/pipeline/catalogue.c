@@ -346,7 +346,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     for (guint i = 0; i < btf->lights->len; i++)
         left_out += g_array_index(btf->lights, struct btf_light, i).left_out;
     if (btf->n_missing - left_out > BTF_MAX_MISSING * catalogue->lights->len ||
-        btf->n_missing == (int)btf->lights->len)
+        btf->n_missing == (int)catalogue->lights->len)
         state = CATALOGUE_IMPOSSIBLE;
     btf->inputs = g_strdup(g_checksum_get_string(sum));
     if (state == CATALOGUE_READY && ret)

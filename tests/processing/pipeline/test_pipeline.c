@@ -196,6 +196,14 @@ static void test_missing(struct fixture *fixture, gconstpointer unused) {
     fixture_check_mdf(fixture);
 }
 
+/* A view without any picture of a lamp waits for them, also if all sweeps are there. */
+static void test_no_lamps(struct fixture *fixture, gconstpointer unused) {
+    for (int i = 0; i < fixture->n_shots; i++)
+        if (fixture->shots[i].kind == SHOT_SWEEP)
+            fixture_capture(fixture, i, i + 1, NULL);
+    fixture_process_fails(fixture, DATA_ERROR_INCOMPLETE, "4 of 4 views lack some of their frames");
+}
+
 /* The last report of each stage, by its name: done and total. */
 static void keep_last(const struct work_progress *progress, gpointer data) {
     g_hash_table_insert(data, g_strdup(progress->stage),
@@ -404,12 +412,13 @@ static void test_no_session(struct fixture *fixture, gconstpointer unused) {
 
 int main(int argc, char **argv) {
     static const struct pipeline_test tests[] = {
-        {"/pipeline/whole", test_whole},       {"/pipeline/threads", test_threads},
-        {"/pipeline/again", test_again},       {"/pipeline/retaken", test_retaken},
-        {"/pipeline/missing", test_missing},   {"/pipeline/skipped", test_skipped},
-        {"/pipeline/left-out", test_left_out}, {"/pipeline/follow", test_follow},
-        {"/pipeline/cancel", test_cancel},     {"/pipeline/damaged", test_damaged},
-        {"/pipeline/mixed-up", test_mixed_up}, {"/pipeline/no-session", test_no_session},
+        {"/pipeline/whole", test_whole},           {"/pipeline/threads", test_threads},
+        {"/pipeline/again", test_again},           {"/pipeline/retaken", test_retaken},
+        {"/pipeline/missing", test_missing},       {"/pipeline/skipped", test_skipped},
+        {"/pipeline/left-out", test_left_out},     {"/pipeline/follow", test_follow},
+        {"/pipeline/no-lamps", test_no_lamps},     {"/pipeline/cancel", test_cancel},
+        {"/pipeline/damaged", test_damaged},       {"/pipeline/mixed-up", test_mixed_up},
+        {"/pipeline/no-session", test_no_session},
     };
     return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
 }
