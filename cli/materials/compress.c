@@ -165,7 +165,7 @@ static int run(const struct call *call, GError **error) {
 
 const struct command cli_compress = {.name = "compress",
                                      .arguments = "DIR",
-                                     .examples = "  mesorig compress weave.session --error 2%\n"
+                                     .examples = "  mesorig compress weave.session --error 5%\n"
                                                  "  mesorig compress weave.session -m ptm\n",
                                      .help = "Compress the BTF or the MDF of a session.",
                                      .list_options = compress_entries,
