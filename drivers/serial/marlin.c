@@ -111,6 +111,8 @@ static void start(GcodeBoard *board) {
     const char letter = GCODE_LETTERS[active->letter];
     board->n_final = board->n_steps_same = 0;
     board->same_us = clock_now_us(board->clock);
+    board->n_before = active->request == MOVE ? 0 : board->n_at;
+    memcpy(board->before, board->at, sizeof board->before);
     if (active->request == MOVE) {
         g_autofree char *line =
             g_strdup_printf("G1 %c%.4f F%.4f", letter, active->target, active->units_s * 60);
@@ -174,6 +176,28 @@ static void finish(GcodeBoard *board) {
     send(board, "M400", TRUE);
 }
 
+/* Moves watched axes back that homing has moved. Returns FALSE if there are none. */
+static gboolean restore(GcodeBoard *board) {
+    g_autoptr(GString) line = g_string_new("G1");
+    double units_s = INFINITY;
+    for (guint i = 0; i < board->clients->len; i++) {
+        const GcodeClient *client = board->clients->pdata[i];
+        if (!gcode_board_was_dragged(board, client))
+            continue;
+        g_string_append_printf(line, " %c%.4f", GCODE_LETTERS[client->letter],
+                               board->before[client->letter]);
+        units_s = MIN(units_s, client->last_units_s);
+    }
+    board->n_before = 0; /* only once: an axis that does not get there is reported as moved */
+    if (isinf(units_s))
+        return FALSE;
+    g_string_append_printf(line, " F%.4f", units_s * 60);
+    send(board, "G90", FALSE);
+    send(board, line->str, FALSE);
+    finish(board);
+    return TRUE;
+}
+
 static void take_report(GcodeBoard *board, const struct gcode_answer *answer) {
     const GcodeClient *active = board->active;
     board->asked = FALSE;
@@ -195,10 +219,10 @@ static void take_end_of_line(GcodeBoard *board) {
         finish(board);
     } else if (board->phase == RUNNING && board->stage == FINISHING &&
                gcode_board_is_answered(board)) {
-        if (board->n_final > 0)
-            gcode_board_end_request(board, NULL);
-        else
+        if (board->n_final == 0)
             ask(board);
+        else if (!restore(board))
+            gcode_board_end_request(board, NULL);
     } else if (board->phase == GREETING && board->stage == SETTINGS &&
                gcode_board_is_answered(board)) {
         watch_motors(board, 5 * board->link.answer_ms);

@@ -444,6 +444,10 @@ TEST(homing_moves_back) {
     homing_moves_back(&grbl, "");
 }
 
+TEST(homing_moves_back_marlin) {
+    homing_moves_back(&marlin, MARLIN "homing = all\n");
+}
+
 TEST(homing_moves_back_klipper) {
     homing_moves_back(&klipper, KLIPPER "homing = all\n");
 }
