@@ -361,9 +361,7 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 ha
     for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++)
         if (state->seen[i].hash == hash && state->seen[i].shot != state->shot)
             return refuse(camera, DEVICE_ERROR_STALE, error,
-                          "it repeats the frame of shot %" G_GUINT64_FORMAT
-                          " bit for bit" ERROR_ADVICE
-                          "the camera sends old pictures: unplug it, plug it in again, and resume",
+                          "it repeats the frame of shot %" G_GUINT64_FORMAT " bit for bit",
                           state->seen[i].shot);
     return TRUE;
 }

@@ -137,7 +137,7 @@ static const struct fault {
     {"future", CAMERA_REFUSED, DEVICE_ERROR_PROTOCOL, "its time stamp is in the future"},
     {"repeats", CAMERA_REFUSED, DEVICE_ERROR_STALE, "it is an old frame"},
     {"same", CAMERA_REFUSED, DEVICE_ERROR_STALE,
-     "it repeats the frame of shot 1 bit for bit; the camera sends old pictures"},
+     "it repeats the frame of shot 1 bit for bit"},
     {"cut-off", CAMERA_REFUSED, DEVICE_ERROR_PROTOCOL, "some of its data was lost"},
     {"unnumbered", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "did not answer the number “id”"},
     {"wider", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "a picture of 9 × 6 pixels, not of 8 × 6"},
