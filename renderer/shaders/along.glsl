@@ -17,8 +17,9 @@ uniform sampler2D along_views;       // v_k
 uniform sampler2DArray along_depths; // depths as shares of along_mm, a layer per view
 uniform float along_mm;
 
-// A view with less weight than DROPPED is not evaluated, which saves a third of the time of three views. UNSEEN
-// keeps a mean of all views where no view sees p. SHORTER is that of mdf/reprojection.c.
+// A view with less weight than DROPPED is not evaluated, which saves a third of the time of three
+// views. UNSEEN keeps a mean of all views where no view sees p. SHORTER is that of
+// mdf/reprojection.c.
 const float DROPPED = 0.2, UNSEEN = 0.05, SHORTER = 0.7;
 
 vec3 shade_along(mat3 frame, ray_end end, float places_level, vec3 p, float lit) {

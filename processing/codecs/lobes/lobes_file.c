@@ -161,7 +161,7 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
         else if (!all_finite(plane, pixels))
             what = g_strdup_printf("channel %s of part “%s” has a value that is not finite",
                                    channel, name);
-        if (what)
+        if (what || !plane)
             return format_error(path, error, what);
         for (gsize i = 0; i < pixels; i++)
             lobes->values[i * (gsize)lobes->n_values + (gsize)value] = plane[i];

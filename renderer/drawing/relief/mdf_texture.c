@@ -372,7 +372,7 @@ static void upload_volume(MdfTexture *texture) {
         for (gsize i = 0; i < n * (gsize)texture->rings[ring][2]; i++)
             texture->longest_mm = MAX(
                 texture->longest_mm, (texture->min_mm + texture->scale_mm * values[n * first + i]) /
-                                         cos(texture->rings[ring][0]));
+                                         cos((double)texture->rings[ring][0]));
     const double scale = texture->longest_mm > 0.0 ? 255.0 / texture->longest_mm : 0.0;
     for (int ring = 0, first = 0; ring < texture->n_rings; ring++) {
         int count = (int)texture->rings[ring][2];
@@ -380,7 +380,7 @@ static void upload_volume(MdfTexture *texture) {
             for (gsize i = 0; i < n; i++) {
                 const double mm =
                     (texture->min_mm + texture->scale_mm * values[n * (first + k % count) + i]) /
-                    cos(texture->rings[ring][0]);
+                    cos((double)texture->rings[ring][0]);
                 bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
             }
         first += count;
