@@ -119,8 +119,9 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
     if (seconds < 0 || !isfinite(seconds))
         return cli_usage(call->command, "--for=%g: give a positive number of seconds", seconds);
     g_autoptr(Link) link = hand_link(error);
-    const double lease_s = seconds > 0 ? MIN(seconds, LEASE_S) : LEASE_S;
-    if (!link || !hand_light_for(link, laser, name, lease_s, error))
+    /* While the light warms up, the lease is not that of a short --for: a renewal that comes late
+     * would end it. */
+    if (!link || !hand_light_for(link, laser, name, LEASE_S, error))
         return CLI_FAILED;
     const char *rig = bus_rig1_get_rig_path(link_rig(link));
     if (!cli_json && seconds > 0)
