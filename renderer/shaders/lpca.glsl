@@ -28,6 +28,11 @@ void prepare(vec3 v, vec3 l, float lit) {
     views = indices(view_indices, v);
     lights = indices(light_indices, l) * (N_COMPONENTS + 1);
     g = textureLod(view_weights, v, 0.0).rgb;
+#if ALONG
+    // v is a measured view (along.glsl), so the others have weights only because cells have a size.
+    g *= step(0.01, g);
+    g /= dot(g, vec3(1.0));
+#endif
     h = textureLod(light_weights, l, 0.0).rgb * step(0.0, l.z) * lit;
 }
 
@@ -66,7 +71,7 @@ vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]) {
     vec3 sum = vec3(0.0);
     for (int a = 0; a < 3; a++) {
 #if ALONG
-        if (g[a] < 0.01) // each call is for one measured view (along.glsl)
+        if (g[a] == 0.0)
             continue;
 #endif
         ivec2 at = row + ivec2(views[a], 0);
