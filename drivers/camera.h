@@ -93,8 +93,8 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data);
  * exposure (camera_can_expose()), if the gain is not finite, or if the driver cannot set them.
  * If the settings are the present ones, nothing is sent to the camera. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
-/* Returns whether the camera has this exposure time. It may differ from a time of the camera's list
- * by 0.1 % or 1 µs, because a time such as 1/60 s is rounded to microseconds. */
+/* Returns whether the camera has this exposure time. A difference of 0.1 % or 1 µs from a time of
+ * the camera's list is allowed, because a time such as 1/60 s is rounded to microseconds. */
 gboolean camera_can_expose(const Camera *camera, gint64 exposure_us);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */

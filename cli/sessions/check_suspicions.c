@@ -30,7 +30,7 @@
 /* Maximum part of the texels that the laser shows above the reference plane. */
 #define MAX_ABOVE  0.01
 #define DEAD       0.03 /* part of a view's upper quartile below which a picture has no light */
-#define MIN_LIGHTS 4    /* minimum number of a view's lights, for the quartile of DEAD */
+#define MIN_LIGHTS 4    /* views with fewer lights have no quartile, which DEAD needs */
 #define FEW_NAMES  4    /* maximum number of dark lights that are named */
 #define ROWS       256
 

@@ -3,7 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest assumed drift of the camera's clock against this computer's, in µs per µs. */
+/* The clock of the camera may run this much faster or slower than that of this computer, in µs per
+ * µs. */
 #define DRIFT       100e-6
 #define ROUNDING_US 20
 

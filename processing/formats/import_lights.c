@@ -176,8 +176,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         return FALSE;
     if (!(list->exponent >= 0 && list->exponent <= MAX_EXPONENT))
         return data_error_fail(list->path, line, error,
-                               "exponent is %g; it is n of the lamp's fall-off cosⁿ away from its "
-                               "aim and must be from 0 to %d",
+                               "exponent is %g, but must be from 0 to %d: it is the n of cosⁿ, by "
+                               "which the lamp's light falls with the angle from its aim",
                                list->exponent, MAX_EXPONENT);
     if (c->name >= 0 && !*cells[c->name])
         return data_error_fail(list->path, line, error,
