@@ -35,8 +35,8 @@ void programs_free(Programs *programs) {
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct places_source *places, const struct viewer_settings *s,
                    GError **error) {
-    static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", "directions.glsl",
-                                         NULL};
+    static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl",
+                                         "directions.glsl", NULL};
     static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl",
                                               "directions.glsl", NULL};
     static const char *const after[][8] = {
@@ -55,9 +55,8 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
                         "LAMP_SHADOWS %d\n#define "
                         "AMBIENT %d\n%s%s%s%s",
                         kind == PROGRAM_RELIEF, kind == PROGRAM_RELIEF && s->along_surface,
-                        s->n_lamps > 0,
-                        kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0,
-                        s->lamp > 0 || s->ambient > 0 ? "" : no_first,
+                        s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
+                        s->ambient > 0, s->lamp > 0 || s->ambient > 0 ? "" : no_first,
                         lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_places, own ? own : "");
     g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));

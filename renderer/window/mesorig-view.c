@@ -227,7 +227,8 @@ static gboolean open_references(struct studio *studio, GError **error) {
             continue;
         g_autofree char *mdf = g_build_filename(path, "products", "mdf.exr", NULL);
         if ((studio->references[k] = scene_files_reference(path, error)) == NULL ||
-            (o->settings.along_surface && !reference_move_along_surface(studio->references[k], mdf, error)))
+            (o->settings.along_surface &&
+             !reference_move_along_surface(studio->references[k], mdf, error)))
             return FALSE;
     }
     return TRUE;

@@ -91,8 +91,7 @@ static void hsh_view_bind(gpointer material, guint program, const struct method_
     slices_bind(&view->slices, program);
 }
 
-static const char *const hsh_view_shaders[] = {"levels.glsl", "lobes.glsl",
-                                               "hsh.glsl", NULL};
+static const char *const hsh_view_shaders[] = {"levels.glsl", "lobes.glsl", "hsh.glsl", NULL};
 
 const struct method method_hsh = {
     .name = "hsh",

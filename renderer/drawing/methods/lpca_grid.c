@@ -273,8 +273,8 @@ static gpointer open_file(const char *path, GError **error) {
     return lpca_open_levels(path, open_levels, error);
 }
 
-static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl",
-                                           "lpca_grid.glsl", NULL};
+static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca_grid.glsl",
+                                           NULL};
 
 const struct method method_lpca_grid = {
     .name = "lpca-grid",
