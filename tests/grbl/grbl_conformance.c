@@ -5,6 +5,7 @@
  * The conformance suite of the axis class, then what GRBL itself does after faults. The steps of
  * the motors are the truth. */
 #include "conformance/conformance.h"
+#include "lib/axis_bench.h"
 #include "lib/ok.h"
 #include "lib/wait.h"
 #include "serial/devices.h"
@@ -109,123 +110,76 @@ static void set_all(void) {
     set_up(settings);
 }
 
-struct bench {
-    Clock *clock;
-    Axis *axis;
-    int n;
-    enum axis_event last;
-    GError *error;
-};
-
-static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    struct bench *bench = data;
-    if (event == AXIS_PASSING)
-        return;
-    bench->n++;
-    bench->last = event;
-    g_clear_error(&bench->error);
-    bench->error = error ? g_error_copy(error) : NULL;
+static void begin_with(struct axis_bench *bench, Clock *clock, const char *keys) {
+    axis_bench_begin(bench, &gcode_axis_driver, clock, section, keys);
 }
 
-static void begin_with(struct bench *bench, Clock *clock, const char *keys) {
-    const struct config_section *opened;
-    const struct conformance with = {.section = section};
-    *bench = (struct bench){.clock = clock};
-    g_autoptr(Config) config = conformance_config(&with, keys, &opened);
-    bench->axis = ok(axis_open(&gcode_axis_driver, opened, NULL, bench->clock, ERR));
-    axis_listen(bench->axis, on_axis, bench);
+static void begin(struct axis_bench *bench) {
+    begin_with(bench, clock_new_real(), "");
 }
 
-static void begin(struct bench *bench, const char *keys) {
-    begin_with(bench, clock_new_real(), keys);
-}
-
-static void end(struct bench *bench) {
-    g_clear_pointer(&bench->axis, axis_close);
-    g_clear_pointer(&bench->clock, clock_unref);
-    g_clear_error(&bench->error);
+static void end(struct axis_bench *bench) {
+    axis_bench_end(bench);
     g_assert_true(stands());
 }
 
-static void expect(struct bench *bench, enum axis_event event) {
-    conformance_wait(bench->clock, &bench->n, 1, 60);
-    if (event != AXIS_FAULT)
-        g_assert_no_error(bench->error);
-    g_assert_cmpint(bench->last, ==, event);
-    bench->n = 0;
-}
-
-static void home(struct bench *bench) {
-    ok(axis_home(bench->axis, ERR));
-    expect(bench, AXIS_HOMED);
-}
-
-static void wait_safe(struct bench *bench) {
-    UNTIL (axis_safety(bench->axis) == DEVICE_SAFE)
-        conformance_pass(bench->clock, 0.01);
-    g_assert_true(stands());
-}
-
-static void start(struct bench *bench, double deg) {
+static void start(struct axis_bench *bench, double deg) {
     ok(axis_move(bench->axis, deg, ERR));
     conformance_pass(bench->clock, 0.5);
     g_assert_false(stands());
 }
 
-static void expect_fault(struct bench *bench, const char *words) {
-    expect(bench, AXIS_FAULT);
+static void expect_fault(struct axis_bench *bench, const char *words) {
+    axis_bench_expect(bench, AXIS_FAULT);
     g_test_message("%s", bench->error->message);
     if (!strstr(bench->error->message, words))
         g_error("\"%s\" does not say \"%s\"", bench->error->message, words);
     g_assert_false(axis_is_homed(bench->axis));
-    wait_safe(bench);
+    axis_bench_wait_safe(bench);
+    g_assert_true(stands());
     g_assert_cmpint(bench->n, ==, 0);
 }
 
 static void truth(void) {
-    struct bench bench;
-    begin(&bench, "");
-    home(&bench);
+    struct axis_bench bench;
+    begin(&bench);
+    axis_bench_home(&bench);
     const double home_mm = true_mm(0), y_mm = true_mm(1);
-    ok(axis_move(bench.axis, 31.25, ERR));
-    expect(&bench, AXIS_ARRIVED);
+    axis_bench_move(&bench, 31.25);
     g_assert_cmpfloat(fabs(true_mm(0) - (home_mm + (31.25 - 100) * 0.5)), <, 0.011);
     g_assert_cmpfloat(true_mm(1), ==, y_mm);
     start(&bench, -80);
     ok(axis_stop(bench.axis, ERR));
-    expect(&bench, AXIS_STOPPED);
+    axis_bench_expect(&bench, AXIS_STOPPED);
     g_assert_true(axis_is_homed(bench.axis));
     g_assert_cmpfloat(axis_position_deg(bench.axis), >, -80);
     g_assert_cmpfloat(axis_position_deg(bench.axis), <, 31);
     /* No step was lost: the position that was reported is the true one. */
     g_assert_cmpfloat(fabs(true_mm(0) - (home_mm + (axis_position_deg(bench.axis) - 100) * 0.5)), <,
                       0.011);
-    ok(axis_move(bench.axis, 0, ERR));
-    expect(&bench, AXIS_ARRIVED);
+    axis_bench_move(&bench, 0);
     g_assert_cmpfloat(fabs(true_mm(0) - (home_mm - 50)), <, 0.011);
     end(&bench);
 }
 
 /* Two axes take turns. "$H" for one of them moves both, and the other one is moved back. */
 static void two_axes(void) {
-    struct bench x, y;
-    begin(&x, "");
+    struct axis_bench x, y;
+    begin(&x);
     begin_with(&y, clock_ref(x.clock), "letter = Y\n");
-    home(&x);
+    axis_bench_home(&x);
     const double x_mm = true_mm(0), y_mm = true_mm(1);
-    ok(axis_move(x.axis, 31.25, ERR));
-    expect(&x, AXIS_ARRIVED);
-    home(&y);
+    axis_bench_move(&x, 31.25);
+    axis_bench_home(&y);
     g_assert_true(axis_is_homed(x.axis));
     g_assert_cmpfloat(fabs(true_mm(0) - (x_mm + (31.25 - 100) * 0.5)), <, 0.021);
     ok(axis_move(x.axis, -50, ERR));
     ok(axis_move(y.axis, 50, ERR));
     conformance_pass(x.clock, 0.3);
     ok(axis_stop(y.axis, ERR)); /* it waits; the other one goes on */
-    expect(&y, AXIS_STOPPED);
-    expect(&x, AXIS_ARRIVED);
-    ok(axis_move(y.axis, 50, ERR));
-    expect(&y, AXIS_ARRIVED);
+    axis_bench_expect(&y, AXIS_STOPPED);
+    axis_bench_expect(&x, AXIS_ARRIVED);
+    axis_bench_move(&y, 50);
     g_assert_cmpfloat(fabs(true_mm(0) - (x_mm + (-50 - 100) * 0.5)), <, 0.021);
     g_assert_cmpfloat(fabs(true_mm(1) - (y_mm + (50 - 100) * 0.5)), <, 0.021);
     end(&y);
@@ -235,16 +189,16 @@ static void two_axes(void) {
 static void limit_switch(void) {
     static const char *const on[] = {"$X\n", "$21=1\n", NULL}, *const off[] = {"$X\n", "$21=0\n",
                                                                                NULL};
-    struct bench bench;
+    struct axis_bench bench;
     set_up(on);
-    begin(&bench, "");
-    home(&bench);
+    begin(&bench);
+    axis_bench_home(&bench);
     start(&bench, -80);
     tell("press 1", NULL, NULL);
     conformance_wait(bench.clock, &bench.n, 1, 60);
     tell("press 0", NULL, NULL);
     expect_fault(&bench, "alarm 1: a limit switch stopped it");
-    home(&bench);
+    axis_bench_home(&bench);
     end(&bench);
     set_up(off);
 }
@@ -253,37 +207,37 @@ static void soft_limit(void) {
     static const char *const on[] = {"$X\n", "$20=1\n", "$130=40\n", NULL}, *const off[] = {
                                                                                 "$X\n", "$20=0\n",
                                                                                 "$130=300\n", NULL};
-    struct bench bench;
+    struct axis_bench bench;
     set_up(on);
-    begin(&bench, "");
-    home(&bench);
+    begin(&bench);
+    axis_bench_home(&bench);
     ok(axis_move(bench.axis, 0, ERR)); /* 50 mm */
     expect_fault(&bench, "alarm 2: the target is beyond the travel");
-    home(&bench);
+    axis_bench_home(&bench);
     end(&bench);
     set_up(off);
 }
 
 static void reset_moving(void) {
-    struct bench bench;
-    begin(&bench, "");
-    home(&bench);
+    struct axis_bench bench;
+    begin(&bench);
+    axis_bench_home(&bench);
     start(&bench, -80);
     tell("reset", NULL, NULL);
     expect_fault(&bench, "the board was reset");
-    home(&bench);
+    axis_bench_home(&bench);
     end(&bench);
 }
 
 static void no_switch(void) {
-    struct bench bench;
+    struct axis_bench bench;
     static const char *const near[] = {"$X\n", "$130=20\n", "$131=20\n", "$132=20\n", NULL};
-    begin(&bench, "");
-    home(&bench);
+    begin(&bench);
+    axis_bench_home(&bench);
     end(&bench);
     set_up(near); /* the search ends before the switch */
     tell("switch 1000000", NULL, NULL);
-    begin(&bench, "");
+    begin(&bench);
     ok(axis_home(bench.axis, ERR));
     expect_fault(&bench, "alarm 9: homing did not find the limit switch");
     end(&bench);

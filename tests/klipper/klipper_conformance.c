@@ -5,6 +5,7 @@
  * PINS is the file in which pins.c counts the steps of the motors, which are the truth. The limit
  * switches are at the upper end, at 100°, where Klipper homes. */
 #include "conformance/conformance.h"
+#include "lib/axis_bench.h"
 #include "lib/ok.h"
 #include "lib/wait.h"
 #include "serial/devices.h"
@@ -26,14 +27,6 @@
 static volatile struct { gint64 steps[3], switch_at[3]; } * pins;
 static char *section;
 
-struct bench {
-    Clock *clock;
-    Axis *axis;
-    int n;
-    enum axis_event last;
-    GError *error;
-};
-
 /* Returns the angle of an axis by the steps of its motor. */
 static double true_deg(int axis) {
     return HOME_DEG + (double)(pins->steps[axis] - pins->switch_at[axis]) / STEPS_PER_DEG;
@@ -45,57 +38,33 @@ static gboolean stands(void) {
     return pins->steps[0] == before;
 }
 
-static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    struct bench *bench = data;
-    bench->n++;
-    bench->last = event;
-    g_clear_error(&bench->error);
-    bench->error = error ? g_error_copy(error) : NULL;
+static void begin(struct axis_bench *bench) {
+    axis_bench_begin(bench, &gcode_axis_driver, clock_new_real(), section, "");
 }
 
-static void begin(struct bench *bench) {
-    const struct config_section *opened;
-    const struct conformance with = {.section = section};
-    *bench = (struct bench){.clock = clock_new_real()};
-    g_autoptr(Config) config = conformance_config(&with, "", &opened);
-    bench->axis = ok(axis_open(&gcode_axis_driver, opened, NULL, bench->clock, ERR));
-    axis_listen(bench->axis, on_axis, bench);
-}
-
-static void end(struct bench *bench) {
-    g_clear_pointer(&bench->axis, axis_close);
-    g_clear_pointer(&bench->clock, clock_unref);
-    g_clear_error(&bench->error);
+static void end(struct axis_bench *bench) {
+    axis_bench_end(bench);
     g_assert_true(stands());
 }
 
-static void expect(struct bench *bench, enum axis_event event) {
-    conformance_wait(bench->clock, &bench->n, 1, 60);
-    g_assert_no_error(bench->error);
-    g_assert_cmpint(bench->last, ==, event);
-    bench->n = 0;
-}
-
-static void home(struct bench *bench) {
-    ok(axis_home(bench->axis, ERR));
-    expect(bench, AXIS_HOMED);
+static void home(struct axis_bench *bench) {
+    axis_bench_home(bench);
     g_assert_cmpfloat(fabs(true_deg(0) - HOME_DEG), <, NEAR_DEG);
 }
 
-static void move(struct bench *bench, double deg) {
-    ok(axis_move(bench->axis, deg, ERR));
-    expect(bench, AXIS_ARRIVED);
+static void move(struct axis_bench *bench, double deg) {
+    axis_bench_move(bench, deg);
     g_assert_cmpfloat(fabs(true_deg(0) - deg), <, NEAR_DEG);
 }
 
-static void wait_moving(const struct bench *bench) {
+static void wait_moving(const struct axis_bench *bench) {
     UNTIL (!stands())
         conformance_pass(bench->clock, 0.05);
 }
 
 /* The axis is where the driver says, also after stops at any time. */
 static void truth(void) {
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench);
     home(&bench);
     const gint64 y = pins->steps[1];
@@ -107,7 +76,7 @@ static void truth(void) {
         conformance_pass(bench.clock, 0.37 * i);
         const gint64 begun = g_get_monotonic_time();
         ok(axis_stop(bench.axis, ERR));
-        expect(&bench, AXIS_STOPPED);
+        axis_bench_expect(&bench, AXIS_STOPPED);
         g_test_message("the axis stands %.2f s after the stop",
                        (double)(g_get_monotonic_time() - begun) * 1e-6);
         g_assert_true(stands());
@@ -120,7 +89,7 @@ static void truth(void) {
 
 /* A move is not interrupted between its pieces: it takes as long as predicted. */
 static void steady(void) {
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench);
     home(&bench);
     move(&bench, 90);
@@ -136,14 +105,14 @@ static void steady(void) {
 
 /* M112 stops a homing, and the next homing restarts Klipper. */
 static void stops_homing(void) {
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench);
     home(&bench);
     move(&bench, -90);
     ok(axis_home(bench.axis, ERR));
     wait_moving(&bench);
     ok(axis_stop(bench.axis, ERR));
-    expect(&bench, AXIS_STOPPED);
+    axis_bench_expect(&bench, AXIS_STOPPED);
     g_assert_true(stands());
     g_assert_cmpfloat(true_deg(0), <, HOME_DEG - 10);
     g_assert_false(axis_is_homed(bench.axis));
@@ -154,7 +123,7 @@ static void stops_homing(void) {
 
 /* An axis is closed in the middle of a move, as by a program that ends. */
 static void closed(void) {
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench);
     home(&bench);
     ok(axis_move(bench.axis, -90, ERR));

@@ -1,5 +1,6 @@
 /* An axis of a program: what every driver must do, where the axis truly was, and faults of the
  * program. The controller of the axis goes on by itself when the program ends. */
+#include "lib/axis_bench.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/program_model.h"
@@ -17,51 +18,14 @@
 
 #define MOTION "min_deg = 0\nmax_deg = 38\nspeed_deg_s = 30\naccel_deg_s2 = 300\n"
 
-struct bench {
-    const char *folder;
-    Clock *clock;
-    Axis *axis;
-    int n;
-    enum axis_event last;
-    GError *error;
-};
-
-static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    struct bench *bench = data;
-    bench->n++;
-    bench->last = event;
-    g_clear_error(&bench->error);
-    bench->error = error ? g_error_copy(error) : NULL;
-}
-
-static void begin(struct bench *bench, const char *folder, const char *keys) {
-    const struct config_section *section;
-    *bench = (struct bench){.folder = folder, .clock = clock_new_real()};
+static void begin(struct axis_bench *bench, const char *folder, const char *keys) {
     g_autofree char *text = program_model_section("axis", folder, 20, keys);
-    const struct conformance with = {.section = text};
-    g_autoptr(Config) config = conformance_config(&with, "", &section);
-    bench->axis = ok(axis_open(&program_axis_driver, section, NULL, bench->clock, ERR));
-    axis_listen(bench->axis, on_axis, bench);
+    axis_bench_begin(bench, &program_axis_driver, clock_new_real(), text, "");
 }
 
-static void end(struct bench *bench) {
-    g_clear_pointer(&bench->axis, axis_close);
-    g_clear_pointer(&bench->clock, clock_unref);
-    g_clear_error(&bench->error);
-    g_assert_cmpint(program_model_processes(bench->folder), ==, 0);
-}
-
-static void expect(struct bench *bench, enum axis_event event) {
-    conformance_wait(bench->clock, &bench->n, 1, 60);
-    if (event != AXIS_FAULT)
-        g_assert_no_error(bench->error);
-    g_assert_cmpint(bench->last, ==, event);
-    bench->n = 0;
-}
-
-static void home(struct bench *bench) {
-    ok(axis_home(bench->axis, ERR));
-    expect(bench, AXIS_HOMED);
+static void end(struct axis_bench *bench, const char *folder) {
+    axis_bench_end(bench);
+    g_assert_cmpint(program_model_processes(folder), ==, 0);
 }
 
 /* Returns where the axis truly is. */
@@ -86,47 +50,40 @@ static void assert_true_position(const char *folder, double deg) {
     g_assert_true(stands(folder));
 }
 
-static void wait_safe(struct bench *bench) {
-    UNTIL (axis_safety(bench->axis) == DEVICE_SAFE)
-        conformance_pass(bench->clock, 0.01);
-}
-
 TEST(truth) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, MOTION);
     g_assert_cmpfloat(axis_position_deg(bench.axis), ==, 3.5);
-    home(&bench);
+    axis_bench_home(&bench);
     assert_true_position(folder, 2);
     g_assert_cmpfloat(axis_position_deg(bench.axis), ==, 2);
-    ok(axis_move(bench.axis, 31.25, ERR));
-    expect(&bench, AXIS_ARRIVED);
+    axis_bench_move(&bench, 31.25);
     assert_true_position(folder, 31.25);
     g_assert_cmpfloat(axis_position_deg(bench.axis), ==, 31.25);
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* The count of an axis that turns without end goes on beyond 360. */
 TEST(wraps) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, "wraps = yes\nspeed_deg_s = 300\naccel_deg_s2 = 3000\n");
-    home(&bench);
+    axis_bench_home(&bench);
     for (int i = 1; i <= 4; i++) {
-        ok(axis_move(bench.axis, 100 * i % 360, ERR));
-        expect(&bench, AXIS_ARRIVED);
+        axis_bench_move(&bench, 100 * i % 360);
         assert_true_position(folder, 100 * i);
     }
     g_assert_cmpfloat(fabs(axis_position_deg(bench.axis) - 40), <, 1e-6);
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* A motor that something else has left turning is stopped. */
 TEST(left_moving) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, "speed_deg_s = 1\naccel_deg_s2 = 300\n");
-    home(&bench);
+    axis_bench_home(&bench);
     ok(axis_move(bench.axis, 300, ERR));
     conformance_pass(bench.clock, 0.3);
     program_model_fail(folder, "sleeps");
@@ -138,7 +95,7 @@ TEST(left_moving) {
     UNTIL (stands(folder))
         conformance_pass(bench.clock, 0.01);
     g_assert_cmpfloat(where(folder, NULL), <, 100);
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* Each fault comes before a move, or before homing. Afterwards the axis stands, its position is not
@@ -163,94 +120,93 @@ static const struct fault {
 static void run_fault(gconstpointer data) {
     const struct fault *fault = data;
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, MOTION);
-    home(&bench);
+    axis_bench_home(&bench);
     program_model_fail(folder, fault->name);
     ok(g_str_equal(fault->name, "no-switch") ? axis_home(bench.axis, ERR)
                                              : axis_move(bench.axis, 30, ERR));
-    expect(&bench, AXIS_FAULT);
+    axis_bench_expect(&bench, AXIS_FAULT);
     g_assert_error(bench.error, DEVICE_ERROR, (int)fault->code);
     g_assert_true(g_str_has_prefix(bench.error->message, "axis test: "));
     assert_has(bench.error->message, fault->says);
     g_assert_false(axis_is_homed(bench.axis));
     program_model_fail(folder, "");
-    wait_safe(&bench);
+    axis_bench_wait_safe(&bench);
     g_assert_true(stands(folder));
     g_assert_cmpint(bench.n, ==, 0); /* one cause, one fault */
-    home(&bench);
-    ok(axis_move(bench.axis, 5, ERR));
-    expect(&bench, AXIS_ARRIVED);
+    axis_bench_home(&bench);
+    axis_bench_move(&bench, 5);
     assert_true_position(folder, 5);
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* The program ends during a slow move. The controller moves on until the program was started again
  * and has stopped it. */
 TEST(dies_moving) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, "speed_deg_s = 1\naccel_deg_s2 = 300\n");
-    home(&bench);
+    axis_bench_home(&bench);
     ok(axis_move(bench.axis, 300, ERR));
     conformance_pass(bench.clock, 0.3);
     program_model_kill(folder);
-    expect(&bench, AXIS_FAULT);
+    axis_bench_expect(&bench, AXIS_FAULT);
     g_assert_error(bench.error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
-    wait_safe(&bench);
+    axis_bench_wait_safe(&bench);
     g_assert_true(stands(folder));
     g_assert_cmpfloat(where(folder, NULL), <, 100);
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* The program ends while the axis stands: the position is not known any more. */
 TEST(dies_standing) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, MOTION);
-    home(&bench);
+    axis_bench_home(&bench);
     program_model_kill(folder);
-    expect(&bench, AXIS_FAULT);
+    axis_bench_expect(&bench, AXIS_FAULT);
     g_assert_error(bench.error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
     g_assert_false(axis_is_homed(bench.axis));
-    wait_safe(&bench);
-    home(&bench);
-    end(&bench);
+    axis_bench_wait_safe(&bench);
+    axis_bench_home(&bench);
+    end(&bench, folder);
 }
 
 /* The program reports that the axis was moved by something else. */
 TEST(lost) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, MOTION);
-    home(&bench);
+    axis_bench_home(&bench);
     program_model_fail(folder, "loses");
-    expect(&bench, AXIS_FAULT);
+    axis_bench_expect(&bench, AXIS_FAULT);
     assert_has(bench.error->message, "axis test: its program reports: a fuse has blown");
     g_assert_false(axis_is_homed(bench.axis));
-    wait_safe(&bench);
-    home(&bench);
-    end(&bench);
+    axis_bench_wait_safe(&bench);
+    axis_bench_home(&bench);
+    end(&bench, folder);
 }
 
 /* An axis that does not obey "stop" is not called safe while it moves. */
 TEST(moves_on) {
     TEMPORARY_FOLDER(folder);
-    struct bench bench;
+    struct axis_bench bench;
     begin(&bench, folder, "speed_deg_s = 1\naccel_deg_s2 = 300\n");
-    home(&bench);
+    axis_bench_home(&bench);
     ok(axis_move(bench.axis, 300, ERR));
     conformance_pass(bench.clock, 0.3);
     program_model_fail(folder, "moves-on");
     ok(axis_stop(bench.axis, ERR));
-    expect(&bench, AXIS_FAULT);
+    axis_bench_expect(&bench, AXIS_FAULT);
     g_assert_error(bench.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_cmpint(axis_safety(bench.axis), ==, DEVICE_UNSAFE);
     g_assert_false(stands(folder));
     program_model_fail(folder, "");
-    wait_safe(&bench);
+    axis_bench_wait_safe(&bench);
     g_assert_true(stands(folder));
-    end(&bench);
+    end(&bench, folder);
 }
 
 /* When this program is killed, the program of the device stops the axis and ends. */
@@ -262,10 +218,10 @@ TEST(parent_killed) {
     const pid_t pid = fork();
     g_assert_cmpint(pid, >=, 0);
     if (pid == 0) {
-        struct bench bench;
+        struct axis_bench bench;
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         begin(&bench, folder, "speed_deg_s = 1\naccel_deg_s2 = 300\n");
-        home(&bench);
+        axis_bench_home(&bench);
         ok(axis_move(bench.axis, 300, ERR));
         conformance_pass(bench.clock, 0.3);
         if (write(ends[1], "+", 1) == 1)
