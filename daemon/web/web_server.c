@@ -279,7 +279,14 @@ static void on_request(SoupServer *soup, SoupServerMessage *message, gpointer da
     g_signal_connect(message, "got-headers", G_CALLBACK(on_headers), NULL);
 }
 
-/* Answers a request for the page with one of its files, which are resources of this program. */
+/* Answers with a file of daemon/web/page, which is a resource of this program. */
+static void respond_file(SoupServerMessage *message, const char *file, const char *type) {
+    g_autofree char *name = g_build_path("/", RESOURCES, file, NULL);
+    g_autoptr(GBytes) bytes = g_resources_lookup_data(name, 0, NULL);
+    respond_bytes(message, type, bytes);
+}
+
+/* Answers a request for the page with one of its files. */
 static void on_page(SoupServer *soup, SoupServerMessage *message, const char *path,
                     GHashTable *query, gpointer data) {
     static const struct {
@@ -292,10 +299,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         if (strcmp(path, files[i].path) != 0)
             continue;
-        g_autofree char *name = g_build_path("/", RESOURCES, files[i].file, NULL);
-        g_autoptr(GBytes) bytes = g_resources_lookup_data(name, 0, NULL);
-        soup_server_message_set_status(message, SOUP_STATUS_OK, NULL);
-        respond_bytes(message, files[i].type, bytes);
+        respond_file(message, files[i].file, files[i].type);
         return;
     }
     refuse(message, SOUP_STATUS_NOT_FOUND, "this page does not exist; the page of the rig is /");
@@ -556,7 +560,10 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
         respond(message, SOUP_STATUS_OK, "application/json", text);
         return;
     }
-    if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
+    if (strcmp(what, "openapi.json") == 0)
+        respond_file(message, what, "application/json");
+    else if (strcmp(what, "events") == 0 &&
+             strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
     else if (!answer_picture(server, message, what))
         refuse(message, SOUP_STATUS_NOT_FOUND,

@@ -22,6 +22,7 @@ from ._version import __version__
 from .btf import FLAG_BOUND, FLAG_HOLE, FLAG_PREDICTED, FLAG_SHORTER, Btf, BtfView
 from .material import Hits, Material, MaterialInfo
 from .mdf import SOURCE_MEASURED, SOURCE_NONE, SOURCE_OTHER, SOURCE_PREDICTED, Mdf
+from .rig import Rig
 from .session import Calibration, Event, Frame, Grid, Product, Session, Shot, find_session
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "Mdf",
     "Part",
     "Product",
+    "Rig",
     "SOURCE_MEASURED",
     "SOURCE_NONE",
     "SOURCE_OTHER",

@@ -61,6 +61,18 @@ TEST(shows) {
     site_free(site);
 }
 
+/* Every answer is as the OpenAPI description of the server says, and the Python client gets it. */
+TEST(description) {
+    struct site *site = site_new(0, NULL);
+    const char *const argv[] = {"/usr/bin/python3",
+                                SOURCE_DIR "/tests/daemon/web/check_description", site->uri,
+                                SITE_TOKEN, NULL};
+    site_capture(site);
+    g_autofree char *said = process_text(0, argv);
+    assert_has(said, "check_description: 12 operations");
+    site_free(site);
+}
+
 static void wait_for_state(const struct site *site, const char *wanted) {
     g_autofree char *state = NULL;
     for (int i = 0; i < 10 * SITE_WAIT_S; i++) {

@@ -1,0 +1,114 @@
+"""A rig that is shown by mesorig-web: its state, events and pictures, and commands.
+
+    rig = mesorig.Rig("http://rig.lab:8470", token=open("token").read().strip())
+    print(rig.state()["doing"])
+    for name, value in rig.events():
+        ...
+
+GET /api/v1/openapi.json describes every answer. The answers are returned as they are in JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.parse
+import urllib.request
+from typing import Any, Dict, Iterator, List, Optional, Tuple
+
+from ._error import Error
+
+
+class Rig:
+    """The HTTP interface of mesorig-web. Every call raises Error with the server's sentence if the server refuses, or
+    if it does not answer within timeout_s."""
+
+    def __init__(
+        self,
+        url: str = "http://127.0.0.1:8470",
+        token: Optional[str] = None,
+        timeout_s: float = 90,
+    ) -> None:
+        self._api = urllib.parse.urljoin(url if url.endswith("/") else url + "/", "api/v1/")
+        self._headers = {"Authorization": "Bearer " + token} if token else {}
+        self._timeout_s = timeout_s
+
+    def _open(self, path: str, method: str = "GET", timeout_s: Optional[float] = None) -> Any:
+        request = urllib.request.Request(self._api + path, method=method, headers=self._headers)
+        try:
+            return urllib.request.urlopen(request, timeout=timeout_s or self._timeout_s)
+        except urllib.error.HTTPError as refused:
+            with refused:
+                text = refused.read().decode("utf-8", "replace")
+            try:
+                why = json.loads(text)["error"]
+            except (ValueError, KeyError, TypeError):
+                why = "%d %s" % (refused.code, refused.reason)
+            raise Error("%s: %s" % (self._api + path, why)) from None
+        except OSError as error:
+            raise Error(
+                "%s does not answer: %s; is mesorig-web running?" % (self._api, error)
+            ) from None
+
+    def _json(self, path: str, method: str = "GET") -> Any:
+        with self._open(path, method) as answer:
+            return json.load(answer)
+
+    def state(self) -> Dict[str, Any]:
+        """State of the rig and of its capture, such as state, shots_done, left_s, unsafe and devices."""
+        return self._json("state")
+
+    def log(self) -> List[Dict[str, Any]]:
+        """The last 200 events: time (seconds since 1970), level, source and message."""
+        return self._json("log")
+
+    def progress(self) -> Tuple[List[float], List[int]]:
+        """Times on the rig's clock in seconds, and the number of shots done at these times."""
+        answer = self._json("progress")
+        return answer["elapsed_s"], answer["shots"]
+
+    def picture(self, camera: str) -> bytes:
+        """The latest picture of a camera in 8 bits, brightness adjusted, as a PNG file."""
+        with self._open("cameras/%s.png" % urllib.parse.quote(camera, safe="")) as answer:
+            return answer.read()
+
+    def picture_values(self, camera: str) -> Dict[str, Any]:
+        """Of that picture: width, height, time_s, shares of white and black pixels, and a histogram."""
+        return self._json("cameras/%s.json" % urllib.parse.quote(camera, safe=""))
+
+    def events(self) -> Iterator[Tuple[str, Dict[str, Any]]]:
+        """Waits for news without end: ("state", state), ("event", event) and ("picture", {"camera": name}). The server
+        sends a line every 20 s at the latest; the iterator raises Error if none comes for a minute.
+        """
+        name = ""
+        with self._open("events", timeout_s=60) as stream:
+            try:
+                for line in stream:
+                    key, _, value = line.decode().rstrip("\n").partition(": ")
+                    if key == "event":
+                        name = value
+                    elif key == "data":
+                        yield name, json.loads(value)
+            except OSError as error:
+                raise Error("%sevents has ended: %s" % (self._api, error)) from None
+
+    def safe(self) -> Dict[str, Any]:
+        """Switches lamps and lasers off and stops all axes, until release(). Returns safe, which is true if every
+        device was read back, and devices."""
+        return self._json("safe", "POST")
+
+    def release(self) -> None:
+        """Allows light and movement again after safe()."""
+        self._json("release", "POST")
+
+    def pause(self) -> None:
+        """Pauses the capture after the shot under way."""
+        self._json("pause", "POST")
+
+    def resume(self) -> None:
+        """Continues after a pause or a fault, and says that what the prompt asks for is done."""
+        self._json("continue", "POST")
+
+    def abort(self) -> None:
+        """Ends the capture now. It can be resumed."""
+        self._json("abort", "POST")
