@@ -19,14 +19,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MIN_COS    0.05 /* minimum difference of cos θ within a pair */
-#define MIN_PAIRS  6
-#define MIN_SKEW   0.05 /* an asymmetry s below this does not indicate a mistake */
-#define BETTER     4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
-#define DISPLAY    2.2
-#define MAX_ALBEDO 1.05
-#define MIN_ALBEDO 0.002 /* the blackest paints have more */
-#define MIN_SEEN   0.3
+#define MIN_COS      0.05 /* minimum difference of cos θ within a pair */
+#define MIN_PAIRS    6
+#define MIN_SKEW     0.05 /* an asymmetry s below this does not indicate a mistake */
+#define BETTER       4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
+#define DISPLAY      2.2
+#define MAX_ALBEDO   1.05
+#define USUAL_ALBEDO 0.7   /* of a light material */
+#define MIN_ALBEDO   0.002 /* the blackest paints have more */
+#define MIN_SEEN     0.3
 /* Maximum part of the texels that the laser shows above the reference plane. */
 #define MAX_ABOVE  0.01
 #define DEAD       0.03 /* part of a view's upper quartile below which a picture has no light */
@@ -221,9 +222,10 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
         return TRUE;
     if (energy->largest_albedo > MAX_ALBEDO)
         suspect(ret,
-                "%.3g times a light's energy is reflected: is the white tile darker than "
+                "%.3g times a light's energy is reflected: is response in the rig file missing or "
+                "too small (%.3g times as large gives %.1f), is the white tile darker than "
                 "--reflectance said, or is an exposure time too short (another unit)?",
-                energy->largest_albedo);
+                energy->largest_albedo, energy->largest_albedo / USUAL_ALBEDO, USUAL_ALBEDO);
     else if (energy->largest_albedo < MIN_ALBEDO)
         suspect(
             ret,

@@ -115,7 +115,8 @@ static gboolean check_readable(GDBusMethodInvocation *invocation, const char *pa
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                       const char *directory, GVariant *options, GError **error) {
     g_auto(BusOptions) chosen = {0};
-    if (!bus_rig_need_open(&bus->rig, error) || !bus_need_absolute(session_path, error) ||
+    if (!bus_rig_need_open(&bus->rig, error) || !devices_check_file(bus->rig.devices, error) ||
+        !bus_need_absolute(session_path, error) ||
         (*directory && !bus_need_absolute(directory, error)) ||
         !bus_options_read(options, &chosen, error) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
@@ -159,8 +160,9 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     g_auto(BusOptions) chosen = {0};
     const gboolean begins = session_path != NULL;
     if (!bus_rig_need_open(&bus->rig, error) || !bus_jobs_need_free(&bus->jobs, error) ||
-        !bus_safety_need(&bus->rig, error) || !bus_unattended_need_free(bus->unattended, error) ||
-        !bus_need_absolute(directory, error) || !bus_options_read(options, &chosen, error) ||
+        !devices_check_file(bus->rig.devices, error) || !bus_safety_need(&bus->rig, error) ||
+        !bus_unattended_need_free(bus->unattended, error) || !bus_need_absolute(directory, error) ||
+        !bus_options_read(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, begins, error) ||
         (begins && !bus_need_absolute(session_path, error)) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
@@ -202,8 +204,9 @@ gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const cha
     const struct bus_caller *caller = bus_authority_caller(invocation);
     g_auto(BusOptions) chosen = {0};
     if (!bus_unattended_need_queue(bus->unattended, error) ||
-        !bus_rig_need_open(&bus->rig, error) || !bus_need_absolute(session_path, error) ||
-        !bus_need_absolute(directory, error) || !bus_options_read(options, &chosen, error) ||
+        !bus_rig_need_open(&bus->rig, error) || !devices_check_file(bus->rig.devices, error) ||
+        !bus_need_absolute(session_path, error) || !bus_need_absolute(directory, error) ||
+        !bus_options_read(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, TRUE, error) ||
         !check_readable(invocation, session_path, chosen.session_text, "session_text", error) ||
         !check_readable(invocation, chosen.calibration, chosen.calibration_text, "calibration_text",

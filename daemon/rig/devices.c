@@ -272,6 +272,24 @@ struct devices *devices_open(const char *rig_path, GError **error) {
     return devices;
 }
 
+gboolean devices_check_file(const struct devices *devices, GError **error) {
+    struct layout layout;
+    g_autofree char *text = NULL;
+    if (!g_file_test(devices->path, G_FILE_TEST_EXISTS))
+        return TRUE;
+    if (layout_read(&layout, devices->path, NULL, FALSE, NULL)) {
+        text = layout_text(&layout);
+        layout_clear(&layout);
+    }
+    if (g_strcmp0(text, devices->text) == 0)
+        return TRUE;
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                "the rig file %s has changed since mesorigd opened it: run “mesorig close”, or "
+                "restart the service mesorigd, so that the changed file is opened",
+                devices->path);
+    return FALSE;
+}
+
 static gboolean read_geometry(const char *path, const char *text, struct rig *ret, GError **error) {
     struct layout layout;
 

@@ -105,6 +105,10 @@ static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
  * afterwards. Returns NULL with an error that names the file and the line. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
+/* Fails if the rig file, or a file with positions that it names, has changed since the devices were
+ * opened. A rig file that is gone has not changed. */
+gboolean devices_check_file(const struct devices *devices, GError **error);
+
 /* Reads only the geometry from the rig file, and opens no device. Drivers do not check their
  * options together. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);

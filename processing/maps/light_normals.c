@@ -9,6 +9,7 @@
 #include "btf/btf.h"
 #include "btf/near_field.h"
 #include "exr/exr.h"
+#include "exr/exr_half.h"
 #include "integrate_normals.h"
 #include "session/session.h"
 
@@ -27,7 +28,7 @@ gboolean light_normals_applies(const char *path) {
 }
 
 /* Gives the values and lights of a texel. Values that are no measurements (lower bounds of
- * saturated pixels, holes, predictions) become NaN. */
+ * saturated pixels, values cut at the largest half, holes, predictions) become NaN. */
 static void read_texel(int texel, float *ret_rgb, struct vec3 *ret_lights, gpointer data) {
     const struct pictures *pictures = data;
     const int n = (int)pictures->near_field->lights.n;
@@ -36,8 +37,10 @@ static void read_texel(int texel, float *ret_rgb, struct vec3 *ret_lights, gpoin
         const gboolean known =
             !marks ||
             ((int)marks[texel] & (BTF_FLAG_BOUND | BTF_FLAG_HOLE | BTF_FLAG_PREDICTED)) == 0;
-        for (int c = 0; c < 3; c++)
-            ret_rgb[3 * light + c] = known ? pictures->planes[3 * light + c][texel] : NAN;
+        for (int c = 0; c < 3; c++) {
+            const float value = pictures->planes[3 * light + c][texel];
+            ret_rgb[3 * light + c] = known && value < EXR_HALF_LARGEST ? value : NAN;
+        }
         ret_lights[light] = near_field_light(pictures->near_field, pictures->view, light, texel);
     }
 }
@@ -144,6 +147,16 @@ static enum photometric_cause usual_cause(const struct light_normals_result *res
     return (enum photometric_cause)usual;
 }
 
+/* Returns whether most values of the green planes are at the limit of half floats. */
+static gboolean are_cut(const struct pictures *pictures, int n_texels) {
+    const int n_lights = (int)pictures->near_field->lights.n;
+    gsize cut = 0;
+    for (int i = 0; i < n_lights; i++)
+        for (int texel = 0; texel < n_texels; texel++)
+            cut += pictures->planes[3 * i + 1][texel] >= EXR_HALF_LARGEST;
+    return 2 * cut > (gsize)n_lights * (gsize)n_texels;
+}
+
 static gboolean solve_view(const struct near_field *near_field, const char *path, const char *file,
                            gboolean heights, const struct work *work,
                            struct light_normals_result *ret, GError **error) {
@@ -160,6 +173,13 @@ static gboolean solve_view(const struct near_field *near_field, const char *path
     if (!photometric_solve(&input, work, found, error))
         return FALSE;
     summarize(found, ret);
+    if (ret->holes == ret->texels && are_cut(&pictures, ret->texels))
+        return data_error_fail(path, 0, error,
+                               "no texel has a normal, because most values are cut at %g, the "
+                               "largest that the file can hold: response in the rig file is "
+                               "missing or too small; write a larger one (“mesorig check” says "
+                               "how much), and capture again",
+                               (double)EXR_HALF_LARGEST);
     if (ret->holes == ret->texels)
         return data_error_fail(path, 0, error,
                                "no texel has a normal, because most texels %s; check the pictures "

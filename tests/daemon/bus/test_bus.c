@@ -228,6 +228,33 @@ static void test_open(struct fixture *fixture, gconstpointer data) {
     assert_state(fixture, "closed");
 }
 
+/* A rig file that was changed while it is open is not used until it is opened again. */
+static void test_changed_rig(struct fixture *fixture, gconstpointer data) {
+    g_autofree char *rig = g_build_filename(fixture->folder, "rig.conf", NULL);
+    g_autofree char *world = g_build_filename(fixture->folder, "world.conf", NULL);
+    g_autofree char *text = NULL, *of_world = NULL;
+    ok(g_file_get_contents(RIG, &text, NULL, ERR));
+    ok(g_file_get_contents(SOURCE_DIR "/tests/small/world.conf", &of_world, NULL, ERR));
+    ok(g_file_set_contents(rig, text, -1, ERR));
+    ok(g_file_set_contents(world, of_world, -1, ERR));
+    tell(fixture, "OpenRig", g_variant_new("(s)", rig));
+    tell(fixture, "Validate", start_parameters(fixture->session, ""));
+    g_autoptr(GString) changed = g_string_new(text);
+    g_assert_cmpuint(g_string_replace(changed, "arc_width_mm = 30", "arc_width_mm = 31", 1), ==, 1);
+    ok(g_file_set_contents(rig, changed->str, -1, ERR));
+    refused(fixture, "Validate", start_parameters(fixture->session, ""), "Failed",
+            "has changed since mesorigd opened it");
+    refused(fixture, "Start", start_parameters(fixture->session, fixture->directory), "Failed",
+            "mesorig close");
+    g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));
+    g_unlink(rig); /* a file that is gone has no other values */
+    tell(fixture, "Validate", start_parameters(fixture->session, ""));
+    ok(g_file_set_contents(rig, changed->str, -1, ERR));
+    tell(fixture, "CloseRig", NULL);
+    tell(fixture, "OpenRig", g_variant_new("(s)", rig));
+    tell(fixture, "Validate", start_parameters(fixture->session, ""));
+}
+
 static void test_validate(struct fixture *fixture, gconstpointer data) {
     g_autofree char *bad = g_build_filename(fixture->folder, "bad.conf", NULL);
     g_file_set_contents(bad, "[session]\nname = x\ncolour = blue\n[sample]\nwidth_mm = x\n", -1,
@@ -581,6 +608,7 @@ BEFORE_TESTS {
 #define ADD(path, func) g_test_add(path, struct fixture, NULL, set_up, func, tear_down)
     ADD("/bus/closed", test_closed);
     ADD("/bus/open", test_open);
+    ADD("/bus/changed-rig", test_changed_rig);
     ADD("/bus/validate", test_validate);
     ADD("/bus/limits", test_limits);
     ADD("/bus/cancel", test_cancel);

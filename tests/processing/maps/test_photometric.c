@@ -264,6 +264,41 @@ TEST(session) {
     g_assert_cmpint(n, >, WIDE * WIDE / 2);
 }
 
+/* Multiplies all values of a session's only view. */
+static void scale_values(const char *session, float factor) {
+    static const char *const channels[] = {"R", "G", "B"};
+    g_autofree char *path = g_build_filename(session, "products", "btf", "view_0000.exr", NULL);
+    g_autoptr(ExrFile) file = ok(exr_read(path, ERR));
+    for (guint i = 0; i < file->parts->len; i++)
+        for (int c = 0; c < 3; c++) {
+            float *plane = (float *)exr_part_plane(file->parts->pdata[i], channels[c]);
+            for (int p = 0; p < WIDE * WIDE; p++)
+                plane[p] *= factor;
+        }
+    ok(exr_write(path, file, EXR_NONE, TRUE, ERR));
+    ok(session_add_product_file(path, "test", ERR));
+}
+
+/* Values beyond the range of the file are no measurements. */
+TEST(cut) {
+    g_autofree char *list = g_build_filename(session_fixture_folder, "ball.lp", NULL);
+    g_autofree char *session = g_build_filename(session_fixture_folder, "cut.session", NULL);
+    g_autofree char *file = g_build_filename(session_fixture_folder, "cut.exr", NULL);
+    double median, most;
+    write_pictures();
+    g_free(process_mesorig(0, "import rti %s -o %s", list, session));
+    scale_values(session, 130000); /* 0.6 becomes 78,000 */
+    g_free(process_mesorig(0, "export normals %s -o %s", session, file));
+    const int n = errors_of(file, &median, &most);
+    g_assert_cmpfloat(median, <, 0.1);
+    g_assert_cmpfloat(most, <, 2);
+    g_assert_cmpint(n, >, WIDE * WIDE / 2);
+    scale_values(session, 1e6F);
+    g_autofree char *said = process_mesorig(1, "export normals %s -o %s --force", session, file);
+    assert_has(said, "values are cut at 65504");
+    assert_has(said, "response in the rig file");
+}
+
 TESTS_RUN_BY(session_fixture_run);
 
 BEFORE_TESTS {
