@@ -68,6 +68,9 @@ struct camera_driver {
     /* Starts one exposure. The driver ends it with camera_report_frame() or camera_report_fault().
      * The driver puts shot into the frame. A simulated camera also derives its noise from shot. */
     gboolean (*trigger)(Camera *camera, guint64 shot, GError **error);
+    /* Only the camera knows which exposure times it has, as a list. Times cannot be computed, so
+     * "auto" is refused. */
+    gboolean listed_exposures;
 };
 
 struct Camera {

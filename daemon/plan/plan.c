@@ -346,11 +346,27 @@ static gboolean plan_check_exposure(const struct plan_build *b, int camera, doub
     return FALSE;
 }
 
+static gboolean check_auto(const struct plan_build *b, int camera, GError **error) {
+    for (int key = 0; key < AUTO_KEYS && b->timing->listed_exposures[camera]; key++)
+        if (b->conf->is_auto[key]) {
+            const char *name = b->rig->cameras[camera].name;
+            plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", auto_key_names[key],
+                           "auto does not work with camera %s, which has only the exposure times "
+                           "of its own list: write times of this list in µs; “mesorig snap %s -e "
+                           "US” takes a picture, or names the nearest time of the list",
+                           name, name);
+            return FALSE;
+        }
+    return TRUE;
+}
+
 static gboolean check_exposures(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
 
     for (guint v = 0; v < b->views->len; v++) {
         int camera = g_array_index(b->views, struct session_direction, v).device;
+        if (!check_auto(b, camera, error))
+            return FALSE;
         /* If the exposures are not chosen yet, only the longest one is an upper bound that must
          * fit. */
         for (int i = conf->is_auto[AUTO_EXPOSURES] ? conf->n_exposures - 1 : 0;

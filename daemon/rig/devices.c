@@ -248,6 +248,7 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         devices->timing.max_exposure_us[i] = format->max_exposure_us;
         devices->timing.stamp_us[i] = format->stamp_us;
         devices->timing.bits[i] = format->bits;
+        devices->timing.listed_exposures[i] = devices->cameras[i]->driver->listed_exposures;
     }
     return mistakes_report(mistakes, error);
 }

@@ -43,6 +43,7 @@ struct rig_timing {
     /* maximum error of the time stamps, as in struct camera_format */
     gint64 stamp_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
+    gboolean listed_exposures[RIG_MAX_CAMERAS]; /* as in struct camera_driver */
 };
 
 /* Returns the index of the laser unit that is mounted at the position of a laser section. This is

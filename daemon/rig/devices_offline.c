@@ -116,6 +116,8 @@ static void read_camera(const struct layout *layout, int index, struct rig_timin
                               : g_str_has_prefix(device->info->name, "sim-") ? 0
                                                                              : ASSUMED_STAMP_US;
     timing->bits[index] = bits > 0 ? (int)bits : ASSUMED_BITS;
+    timing->listed_exposures[index] =
+        ((const struct camera_driver *)(const void *)device->info)->listed_exposures;
 }
 
 static gboolean read_lights(const struct layout *layout, struct rig_timing *timing,
@@ -165,6 +167,7 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
         ret_timing->max_exposure_us[i] = ret_timing->max_exposure_us[i - 1];
         ret_timing->stamp_us[i] = ret_timing->stamp_us[i - 1];
         ret_timing->bits[i] = ret_timing->bits[i - 1];
+        ret_timing->listed_exposures[i] = ret_timing->listed_exposures[i - 1];
     }
     layout_clear(&layout);
     return ok;

@@ -117,4 +117,5 @@ const struct camera_driver gphoto2_camera_driver = {
     .arm = program_camera_arm,
     .disarm = program_camera_disarm,
     .trigger = program_camera_trigger,
+    .listed_exposures = TRUE,
 };

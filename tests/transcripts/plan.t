@@ -39,6 +39,31 @@ A plan says what a session takes before anything moves.
    "calibration": "none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)"
   }
 
+A camera with a list of exposure times of its own:
+
+  $ cat >still.conf <<END
+  > [rig]
+  > id = still
+  > [lamps dome]
+  > driver = serial-lamps
+  > port = /dev/ttyUSB0
+  > count = 8
+  > distance_mm = 400
+  > [camera top]
+  > driver = gphoto2-camera
+  > port = usb
+  > theta_deg = 0
+  > phi_deg = 0
+  > distance_mm = 600
+  > width = 60
+  > height = 40
+  > focal_px = 100
+  > END
+  $ sed 's/^exposures_us = .*/exposures_us = auto/' "$SMALL/../../etc/demo/dome/session.conf" >dome.conf
+  $ mesorig plan --offline still.conf dome.conf
+  mesorig: dome.conf:20: [capture] exposures_us: auto does not work with camera top, which has only the exposure times of its own list: write times of this list in \xc2\xb5s; \xe2\x80\x9cmesorig snap top -e US\xe2\x80\x9d takes a picture, or names the nearest time of the list (esc)
+  [1]
+
 Files that cannot be read:
 
   $ printf '[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n' >bad_rig.conf
