@@ -137,7 +137,7 @@ static gboolean check_motion(const Axis *axis, GError **error) {
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                             "its limits are min_deg = %g and max_deg = %g" ERROR_ADVICE
-                            "make min_deg less than max_deg",
+                            "give finite limits, with min_deg less than max_deg",
                             m->min_deg, m->max_deg);
 }
 
@@ -286,7 +286,7 @@ static void on_retry(gpointer data) {
     not_stopped(axis, error);
 }
 
-/* Cancels the attempts, because another command follows. */
+/* Cancels the repetition of "stop", because another command follows. */
 static void drop_retry(Axis *axis) {
     axis->state->retrying = FALSE;
     cancel_timers(axis);
@@ -355,9 +355,11 @@ static gboolean check_move(const Axis *axis, double target_deg, GError **error) 
                                 "give an angle in degrees",
                                 target_deg);
     if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg))
-        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                                "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
-                                motion->max_deg);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "%g° is outside its limits, %g to %g°" ERROR_ADVICE
+            "choose another position, or correct min_deg and max_deg in its section",
+            target_deg, motion->min_deg, motion->max_deg);
     return device_ask_permit(&axis->device, error);
 }
 
@@ -447,9 +449,9 @@ static const struct passed *axis_passed(const struct axis_state *state, guint ba
                : NULL;
 }
 
-/* A fraction of at least 0.27 µs is rounded up, and a smaller one down. Angles and speeds that are
- * round numbers do not give times with this fraction. Rounding errors of the positions therefore do
- * not change the result. */
+/* The time is rounded to whole µs: up if its fraction is at least 0.27 µs, otherwise down. Angles
+ * and speeds that are round numbers do not give fractions near 0.27 µs. Rounding errors of the
+ * positions therefore do not change the result. */
 gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us) {
     const struct axis_state *state = axis->state;
     const struct passed *last = axis_passed(state, 0);

@@ -80,15 +80,19 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
             "correct the exposures in its section or in the answer of its program",
             f->min_exposure_us, f->max_exposure_us);
     if (f->readout_us < 0 || f->trigger_us < 0 || f->stamp_us < -1)
-        return device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
-                                "its driver reports a negative time: read-out %" G_GINT64_FORMAT
-                                " µs, delay of the trigger %" G_GINT64_FORMAT
-                                " µs, error of time stamps %" G_GINT64_FORMAT " µs",
-                                f->readout_us, f->trigger_us, f->stamp_us);
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, who,
+            "its driver reports a negative time: read-out %" G_GINT64_FORMAT
+            " µs, delay of the trigger %" G_GINT64_FORMAT
+            " µs, error of time stamps %" G_GINT64_FORMAT " µs (−1: not known)" ERROR_ADVICE
+            "correct these times in its section or in the answer of its program",
+            f->readout_us, f->trigger_us, f->stamp_us);
     return isfinite(f->black_level) ||
-           device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
-                            "its driver reports the black level %g, which is not a finite number",
-                            f->black_level);
+           device_error_set(
+               error, DEVICE_ERROR_PROTOCOL, who,
+               "its driver reports the black level %g, which is not a finite number" ERROR_ADVICE
+               "correct the black level in its section or in the answer of its program",
+               f->black_level);
 }
 
 void camera_close(Camera *camera) {
@@ -131,7 +135,8 @@ static gboolean check_not_waiting(const Camera *camera, GError **error) {
         return TRUE;
     return device_error_set(
         error, DEVICE_ERROR_BUSY, camera->device.who,
-        "it still waits for the frame of its last trigger, of shot %" G_GUINT64_FORMAT,
+        "it still waits for the frame of its last trigger, of shot %" G_GUINT64_FORMAT ERROR_ADVICE
+        "try again when that frame has arrived",
         camera->state->shot);
 }
 
@@ -160,11 +165,11 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
         return FALSE;
     if (settings->exposure_us < format->min_exposure_us ||
         settings->exposure_us > format->max_exposure_us)
-        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                                "it cannot expose for %" G_GINT64_FORMAT
-                                " µs, only %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT " µs",
-                                settings->exposure_us, format->min_exposure_us,
-                                format->max_exposure_us);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, camera->device.who,
+            "it cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
+            " to %" G_GINT64_FORMAT " µs" ERROR_ADVICE "choose an exposure in this range",
+            settings->exposure_us, format->min_exposure_us, format->max_exposure_us);
     if (!camera_can_expose(camera, settings->exposure_us))
         return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
                                 "it cannot expose for %" G_GINT64_FORMAT
@@ -172,7 +177,9 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
                                 settings->exposure_us, nearest_us(camera, settings->exposure_us));
     if (!isfinite(settings->gain_db))
         return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                                "a gain of %g dB is not a finite number", settings->gain_db);
+                                "a gain of %g dB is not a finite number" ERROR_ADVICE
+                                "correct gain_db",
+                                settings->gain_db);
     if (state->configured && state->settings.exposure_us == settings->exposure_us &&
         state->settings.gain_db == settings->gain_db)
         return TRUE;

@@ -26,7 +26,8 @@ gboolean device_error_set(GError **error, enum device_error code, const char *wh
 gboolean device_check_real_clock(const struct device *device, GError **error) {
     return !clock_is_virtual(device->clock) ||
            config_set_error(error, CONFIG_ERROR_VALUE, device->section, "driver",
-                            "%s is a real device and needs real time; set clock = real in [rig]",
+                            "%s drives a real device, which cannot work in virtual time; write "
+                            "clock = real in [rig]",
                             device->info->name);
 }
 

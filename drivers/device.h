@@ -125,9 +125,9 @@ struct device {
  * and motion are always allowed. */
 void device_set_permit(struct device *device, DevicePermit permit, gpointer data);
 
-/* Sets the one function that is told when the device becomes unsafe or safe. It stays when the
- * listener of the class changes. If the device is already unsafe, the main loop soon calls the
- * function. func NULL removes it. */
+/* Sets the one function that is told when the device becomes unsafe or safe. This function stays
+ * set when the listener of the class changes. If the device is already unsafe, the main loop soon
+ * calls the function. func NULL removes it. */
 void device_watch_safety(struct device *device, DeviceSafetyFunc func, gpointer data);
 gboolean device_is_unsafe(const struct device *device);
 

@@ -20,7 +20,9 @@ struct found {     /* strings are owned */
     /* a section for a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL if no driver
      * fits the device */
     char *section;
-    char *note; /* reason why the device cannot be used as it is; NULL if it can be used */
+    /* Why the device cannot be used as it is, what it can be used for, or what it offers. NULL if
+     * there is nothing to say. */
+    char *note;
 };
 
 /* Appends a device to the list and returns it. The scan sets section and note, which are NULL.

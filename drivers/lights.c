@@ -221,7 +221,8 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     }
     if (!failed)
         failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
-                                  "it refused the command without a reason");
+                                  "it refused the command without a reason" ERROR_ADVICE
+                                  "check its power and its cable");
     g_queue_remove(&lights->commands, command);
     take(lights, command, failed);
     command_free(command);

@@ -274,7 +274,8 @@ void recording_hide(const char *text, const char *instead) {
 void recording_hide_bytes(const guint8 *bytes, gsize n) {
     static const guint8 zeros[64] = {0};
     g_return_if_fail(n <= sizeof zeros);
-    /* Zeros at the ends may be written together with others. They become zeros anyway. */
+    /* Leave out zeros at both ends, because add_hex() may have joined them with other zeros. They
+     * need not be replaced by 0. */
     for (; n > 0 && bytes[0] == 0; n--)
         bytes++;
     while (n > 0 && bytes[n - 1] == 0)

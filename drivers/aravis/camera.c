@@ -181,8 +181,9 @@ static gboolean aravis_camera_configure(Camera *camera, const struct camera_sett
     if (settings->gain_db < limits->min_gain_db - 1e-9 ||
         settings->gain_db > limits->max_gain_db + 1e-9)
         return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                                "cannot have a gain of %g dB, only %g to %g dB", settings->gain_db,
-                                limits->min_gain_db, limits->max_gain_db);
+                                "cannot have a gain of %g dB, only %g to %g dB" ERROR_ADVICE
+                                "correct gain_db",
+                                settings->gain_db, limits->min_gain_db, limits->max_gain_db);
     priv->settings = *settings;
     aravis_worker_configure(priv->worker, settings->exposure_us, settings->gain_db);
     return TRUE;

@@ -41,7 +41,7 @@ struct AravisDevice {
     gboolean sfnc_clock; /* the clock is read by TimestampLatch, in ns */
     char **warnings;
     gint unplugged; /* atomic: a USB camera has left the bus */
-    gint n_refs;    /* references to the Aravis device after the opening; 0 before its end */
+    gint n_refs;    /* references to the Aravis device at the end of the opening; 0 before that */
 };
 
 static gint count_refs(AravisDevice *device) {

@@ -8,8 +8,10 @@
 
 #define MAX_READ 512 /* bytes; the description of a camera is longer, and is not recorded */
 
-/* The registers of GigE Vision with addresses of the camera, its gateway and the computer: MAC, IP,
- * gateway, both as stored, the controlling program, and where messages and frames are sent. */
+/* Returns whether a register of GigE Vision holds a network address: the camera's MAC address (two
+ * registers), its present IP address and gateway, its stored IP address and gateway, and the
+ * addresses of the controlling program, of the receiver of messages and of the receiver of
+ * frames. */
 static gboolean is_address(guint64 at) {
     static const guint64 places[] = {0x0008, 0x000c, 0x0024, 0x0044, 0x064c,
                                      0x066c, 0x0a14, 0x0b10, 0x0d18};

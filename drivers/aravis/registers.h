@@ -1,8 +1,8 @@
-/* Records the registers of cameras (drivers/recording.h). Any thread. */
+/* Records the registers of cameras (drivers/recording.h). Any thread may call the functions. */
 #pragma once
 
 #include <arv.h>
 
-/* From now on, what the camera's registers are read and written with is recorded. name is the name
- * of the camera in Aravis. Does nothing if nothing is being recorded. */
+/* Records every read and write of a register of the camera from now on. name is the name of the
+ * camera in Aravis. Does nothing if nothing is being recorded. */
 void aravis_registers_record(ArvDevice *device, const char *name);

@@ -29,7 +29,9 @@ struct event {
     AravisWorker *worker;
     enum event_kind kind;
     guint generation;
-    gint64 us; /* SENDING: time of the trigger; STALE: from the exposure to the trigger */
+    /* SENDING: time of the trigger. STALE: duration from the start of the exposure to the
+     * trigger. */
+    gint64 us;
     Frame *frame;
     GError *error;
 };

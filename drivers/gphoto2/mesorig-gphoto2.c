@@ -257,8 +257,8 @@ static void obey(struct helper *helper, const struct request *request) {
     if (is_hello && !helper->still)
         result = hello(helper, request->params, &error);
     else if ((is_open || is_trigger) && !helper->still)
-        g_set_error(&error, G_IO_ERROR, G_IO_ERROR_FAILED, "the request “%s” came before “hello”",
-                    request->method);
+        g_set_error(&error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "the request “%s” came before “hello”; send “hello” first", request->method);
     else if (is_open)
         result = open_camera(helper, deadline_us, &error);
     else if (is_trigger)

@@ -40,9 +40,9 @@ static void add_line(GPtrArray *to, const char *line) {
         found->note = g_strdup("this user may not open it; add the user to the group plugdev");
 }
 
-/* Reads the output of a program until its end or until the deadline, and kills the program then.
- * *ret_status is the status of the program as waitpid() gives it. Returns FALSE if the output had
- * no end before the deadline. */
+/* Reads the output of a program until the end of the output or until the deadline, and kills the
+ * program if it still runs then. *ret_status is the status of the program as waitpid() gives it.
+ * Returns FALSE if the output had not ended at the deadline. */
 static gboolean read_output(GPid pid, int fd, GString *to, int *ret_status) {
     const gint64 limit_us = g_get_monotonic_time() + LIST_US;
     char bytes[4096];

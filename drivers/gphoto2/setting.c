@@ -97,7 +97,10 @@ static gboolean fill(Widget *widget, const char *name, const char *value, GError
         return gp_widget_set_value(widget, value) >= GP_OK;
     const double number = setting_text_number(value);
     if (number < 0)
-        return fail(error, "the setting %s needs a number of at least 0, not “%s”", name, value);
+        return fail(
+            error,
+            "the setting %s needs a number of at least 0, not “%s”; correct it in the rig file",
+            name, value);
     if (type == GP_WIDGET_RANGE)
         return gp_widget_set_value(widget, &(float){(float)number}) >= GP_OK;
     if (type == GP_WIDGET_TOGGLE)

@@ -435,7 +435,9 @@ static gboolean apply(Still *still, GError **error) {
     for (const char *const *s = options->settings; s && *s; s++) {
         g_auto(GStrv) parts = g_strsplit(*s, "=", 2);
         if (!parts[0] || !parts[1])
-            return fail(error, "the setting “%s” is not NAME=VALUE", *s);
+            return fail(error,
+                        "the setting “%s” is not NAME=VALUE; correct the settings in the rig file",
+                        *s);
         if (!set(still, g_strstrip(parts[0]), g_strstrip(parts[1]), error))
             return FALSE;
     }
@@ -564,9 +566,9 @@ static gboolean pause_shot(const struct still_shot *shot, GError **error) {
     return FALSE;
 }
 
-/* Returns the time by which the limit of a loop that looks for events moves, because this program
- * could not run in it. A busy computer is such a case, and often the camera was held up with this
- * program: a virtual camera, or the network. *pass_us is the time of the last call. */
+/* Returns the time in µs by which a loop that looks for events may run longer, because this program
+ * could not run for that time, for example on a busy computer. A virtual camera or the network was
+ * often held up as well. *pass_us is the time of the last call, and is set to the present time. */
 static gint64 forgive(gint64 *pass_us) {
     const gint64 took_us = now_us() - *pass_us;
     *pass_us += took_us;
@@ -583,7 +585,9 @@ static gboolean answers(Still *still) {
 }
 
 /* Connects a camera again that does not answer. Waits for the picture of a shot that was given up,
- * and removes it. If it is not announced, the card is looked through. */
+ * and removes that picture. If the camera does not announce the picture, looks for it on the card.
+ * Returns FALSE with an error at the deadline of the shot, if the shot was given up, or if the
+ * camera cannot be connected or its card cannot be read. */
 static gboolean settle(Still *still, const struct still_shot *shot, GError **error) {
     CameraFilePath path;
     if (still->camera && !answers(still))
@@ -770,8 +774,10 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
         File *file = NULL;
         const int fd = open(to, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
         if (fd < 0)
-            return fail(error, "the file %s cannot be written: %s; free space there", to,
-                        g_strerror(errno));
+            return fail(error,
+                        "the file %s cannot be written: %s; check the free space and the rights of "
+                        "its folder",
+                        to, g_strerror(errno));
         gp_file_new_from_fd(&file, fd);
         begin_call(still);
         const int code = gp_camera_file_get(still->camera, from->folder, from->name,

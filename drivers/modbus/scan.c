@@ -55,8 +55,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
                 ? g_strdup_printf("this user may not open it: join the group that “ls -l %s” "
                                   "shows, often dialout",
                                   path)
-                : g_strdup_printf("for Modbus, which “mesorig devices --modbus %s” searches for "
-                                  "devices, for a G-code board (gcode-axis), or for an LED "
+                : g_strdup_printf("for Modbus (“mesorig devices --modbus %s” searches for "
+                                  "devices), for a G-code board (gcode-axis), or for an LED "
                                   "controller (serial-lamps)",
                                   path);
     }

@@ -1,6 +1,6 @@
 /*
  * Packets of Art-Net 4 (Artistic Licence, "Art-Net 4 Protocol Release V1.4"): ArtPoll, ArtPollReply
- * and ArtDmx. Any thread.
+ * and ArtDmx. Any thread may call the functions.
  */
 #pragma once
 

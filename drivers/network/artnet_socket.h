@@ -1,6 +1,6 @@
 /*
  * The UDP socket of Art-Net. Nodes answer to port 6454 of the controller, so all nodes of this
- * process share one socket for each local address. Main thread.
+ * process share one socket for each local address. Only the main thread may call the functions.
  */
 #pragma once
 

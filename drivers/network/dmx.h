@@ -6,7 +6,7 @@
  * universe are sent, and channels without a lamp are 0. A command ends when its levels were sent
  * DMX_SENDS times, and the protocol says that the receiver was alive after that.
  *
- * Main thread.
+ * Only the main thread may call the functions.
  */
 #pragma once
 

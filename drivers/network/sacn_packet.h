@@ -1,5 +1,5 @@
 /* Packets of sACN, ANSI E1.31-2018 "Lightweight streaming protocol for transport of DMX512 using
- * ACN". Any thread. */
+ * ACN". Any thread may call the functions. */
 #pragma once
 
 #include <glib.h>

@@ -1,4 +1,4 @@
-/* UDP over IPv4. Addresses are in host byte order. Main thread. */
+/* UDP over IPv4. Addresses are in host byte order. Only the main thread may call the functions. */
 #pragma once
 
 #include <glib.h>

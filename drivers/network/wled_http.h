@@ -1,5 +1,6 @@
 /*
- * The JSON interface of WLED, by HTTP in a thread. One request is under way at a time. Main thread.
+ * The JSON interface of WLED, by HTTP in a thread. One request is under way at a time. Only the
+ * main thread may call the functions.
  */
 #pragma once
 

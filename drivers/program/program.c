@@ -93,6 +93,15 @@ static const char *name_of(const Program *program) {
 }
 
 void program_name_error(const Program *program, GError **error) {
+    if (error && *error && (*error)->domain == DEVICE_ERROR && !error_details_advice(*error)) {
+        GError *named = device_error_new((enum device_error)(*error)->code, program->device->who,
+                                         "%s %s" ERROR_ADVICE
+                                         "correct the program by docs/build-a-rig/programs.md",
+                                         name_of(program), (*error)->message);
+        g_error_free(*error);
+        *error = named;
+        return;
+    }
     g_prefix_error(error, "%s ", name_of(program));
     error_details_add_subject(error, program->device->who);
 }
@@ -476,7 +485,10 @@ static gboolean start_process(Program *program, GError **error) {
     g_autoptr(GError) why = NULL;
     if (!program_process_start(program->command, &program->process, &why))
         return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
-                                "%s cannot be started: %s", name_of(program), why->message);
+                                "%s cannot be started: %s" ERROR_ADVICE
+                                "check that Mesorig is installed completely, and that this "
+                                "computer is not out of memory, processes or open files",
+                                name_of(program), why->message);
     g_byte_array_set_size(program->line, 0);
     program->state = STARTING;
     if (program->folder)

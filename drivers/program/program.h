@@ -78,7 +78,7 @@ struct program_request {
     int tag; /* chosen by the driver, and repeated in the answer */
 };
 
-/* The functions by which a driver is told of its program. They are called from the main loop.
+/* The functions that tell a driver what its program does. They are called from the main loop.
  * Each of them may close the program. */
 struct program_listener {
     /* The program was started, has opened its device, and has then ended or was killed. answered
@@ -119,8 +119,8 @@ void program_overtake(Program *program, int tag);
 /* Returns whether the program says in its answer to "hello" that it can do something. */
 gboolean program_can(const Program *program, const char *what);
 
-/* Adds the path of the program and the name of its device to an error about an answer (message.h,
- * pgm.h). */
+/* Adds to an error about an answer (message.h, pgm.h): the path of the program, the name of its
+ * device and, if the error has none, advice. */
 void program_name_error(const Program *program, GError **error);
 
 /* Makes the error of an event "lost", from the values of the event. */

@@ -6,8 +6,7 @@
  * "<Idle|MPos:0.000,0.000,0.000|FS:0,0>". Its fields come in any order, and most are optional.
  * Marlin: https://marlinfw.org/meta/gcode.
  * Klipper: https://www.klipper3d.org/G-Codes.html. "ok" ends the answer to each line. Errors begin
- * with
- * "!! ", other text with "// ".
+ * with "!! ", other text with "// ".
  */
 #pragma once
 

@@ -35,8 +35,8 @@ static const struct option options[] = {
     {"letter", OPTION_CHOICE, NULL, 0, 0, "X", letters, FIELD(letter),
      "Letter of the axis on the board"},
     {"units_per_deg", OPTION_DOUBLE, NULL, -1e6, 1e6, NULL, NULL, FIELD(units_per_deg),
-     "Units of the board in a degree, which it calls millimetres; negative: the board counts in "
-     "the opposite direction"},
+     "Units of the board, which calls them millimetres, in a degree of the axis; negative: the "
+     "board counts in the opposite direction"},
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
     AXIS_HOMING_OPTION(FIELD(motion)),
     {"homing", OPTION_CHOICE, NULL, 0, 0, "all", homings, FIELD(homing),

@@ -5,11 +5,10 @@
  * FIRMWARE_RESTART helps then.
  *
  * A move is therefore sent in pieces of 0.1 s. Klipper always plans to stand at the end of the
- * pieces that it has, and it accepts no more than about one second of motion in advance. The stop
- * is that no further pieces are sent, because the axis then brakes with its ramp within about 1.5 s
- * and keeps its position, and because the motion of a program that has died ends just as soon. M112
- * follows if the end of the motion is not confirmed, and it also stops a homing, which has no
- * position to lose.
+ * pieces that it has, and it accepts no more than about one second of motion in advance. A stop
+ * sends no further pieces. The axis then brakes with its ramp within about 1.5 s and keeps its
+ * position. The motion of a program that has died ends in the same way. M112 follows only if the
+ * end of the motion is not confirmed. M112 also stops a homing, which has no position to lose.
  *
  * M114 answers where the axes were sent, and not where they are. The answer to M400 comes when all
  * motions have ended. Until then, and while another long command runs, Klipper answers nothing, but

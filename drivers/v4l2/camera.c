@@ -267,7 +267,8 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
         return video_refuse(
             error, DEVICE_ERROR_RANGE, &v4l2->node,
             "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
-            " to %" G_GINT64_FORMAT ", and this gain would be %g",
+            " to %" G_GINT64_FORMAT ", and this gain would be %g" ERROR_ADVICE
+            "correct gain_db, or gain_0db and gain_per_db in its section",
             gain_db, range->min, range->max, wanted);
     return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }
