@@ -66,8 +66,10 @@ char *bus_client_announce(const char *address, GError **error) {
     g_autofree char *link = g_build_filename(folder, "bus", NULL);
     if (symlink(path, link) == 0)
         return g_steal_pointer(&folder);
-    g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "cannot make the link %s: %s",
-                link, g_strerror(errno));
+    g_set_error(
+        error, G_IO_ERROR, g_io_error_from_errno(errno),
+        "cannot make the link %s: %s; free space there, or set XDG_RUNTIME_DIR to another folder",
+        link, g_strerror(errno));
     bus_client_remove_folder(folder);
     return NULL;
 }

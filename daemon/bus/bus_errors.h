@@ -11,7 +11,9 @@ enum bus_error {
     BUS_ERROR_NO_RIG,     /* no rig is open */
     BUS_ERROR_NO_SESSION, /* nothing is being captured */
     BUS_ERROR_BAD_PATH,   /* a path is not absolute */
-    BUS_ERROR_UNKNOWN,    /* no device or option has that name, or an option has the wrong type */
+    /* No device or option has that name, an option has the wrong type, or a resumed session is
+     * given another calibration. */
+    BUS_ERROR_UNKNOWN,
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
     BUS_ERROR_FAILED, /* any other error, also every error of a domain that has no name on the bus
                        */

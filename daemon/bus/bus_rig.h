@@ -19,8 +19,8 @@ struct bus_rig {
     Guardian *guardian; /* NULL if all devices are simulated */
     /* the rig is being made safe before it is closed, and no operation may begin */
     gboolean ending;
-    /* The rig has been made safe, and its state was read back. Whoever switches on or moves a
-     * device sets this to FALSE. */
+    /* The rig has been made safe, and every device has confirmed it (DEVICE_SAFE). Whoever switches
+     * on or moves a device sets this to FALSE. */
     gboolean is_safe;
     gboolean holds_clock;
     const char *captured; /* session directory of the capture under way (bus_run.h), or NULL */

@@ -254,16 +254,21 @@ static gboolean remove_stale(const char *path, GError **error) {
     }
     strcpy(to.sun_path, path);
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    /* Only this error says that nobody listens. A full backlog or missing rights do not. */
-    const gboolean stale =
-        fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) != 0 && errno == ECONNREFUSED;
+    const int why = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) == 0 ? 0 : errno;
+    /* Only ECONNREFUSED says that nobody listens. A full backlog or missing rights do not. */
+    const gboolean stale = fd >= 0 && why == ECONNREFUSED;
     if (fd >= 0)
         close(fd);
     if (stale)
         g_unlink(path);
-    else
+    else if (why == 0)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE,
                     "another program listens at %s: choose another path for --listen", path);
+    else
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE,
+                    "it is not known whether another program listens at %s (%s): choose another "
+                    "path for --listen",
+                    path, g_strerror(why));
     return stale;
 }
 
@@ -277,7 +282,9 @@ static GSocket *listen_at(const char *path, GError **error) {
     g_socket_set_listen_backlog(socket, SOMAXCONN);
     if (g_socket_bind(socket, address, FALSE, error) && g_socket_listen(socket, error))
         return g_steal_pointer(&socket);
-    g_prefix_error(error, "cannot listen at %s: ", path);
+    g_prefix_error(
+        error,
+        "cannot listen at %s (make its folder, or choose another path for --listen): ", path);
     return NULL;
 }
 

@@ -34,8 +34,8 @@ struct preparer_request {
     const char *session_path; /* ignored by PREPARER_EXAMINE */
     const char *session_text; /* contents of session_path; NULL if it has to be read */
     const char *directory;    /* may be empty with PREPARER_CHECK */
-    /* Path of a calibration that replaces the one that the rig file names; NULL to use the
-     * latter. */
+    /* Path of a calibration that replaces the one that the rig file names. If NULL, the calibration
+     * that the rig file names is used. */
     const char *calibration;
     /* PREPARER_BEGIN: lines for session_conf_choose(); NULL if no exposure is auto. */
     const char *chosen;

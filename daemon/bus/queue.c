@@ -52,10 +52,14 @@ static void set_aside(Queue *queue, const GError *why) {
     g_ptr_array_set_size(queue->items, 0);
     g_free(queue->paused);
     queue->paused =
-        kept ? g_strdup_printf("the queue's file could not be used, and was renamed to %s: %s",
-                               damaged, why->message)
-             : g_strdup_printf("the queue's file cannot be used, and could not be renamed (%s): %s",
-                               g_strerror(errno), why->message);
+        kept
+            ? g_strdup_printf("the queue's file could not be used, and was renamed to %s: %s; add "
+                              "its sessions again, then mesorig queue resume",
+                              damaged, why->message)
+            : g_strdup_printf("the queue's file cannot be used, and could not be renamed (%s): %s; "
+                              "move the file away, add its sessions again, then mesorig queue "
+                              "resume",
+                              g_strerror(errno), why->message);
 }
 
 Queue *queue_open(const char *path, GError **error) {

@@ -294,7 +294,8 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
     }
     if (!ok)
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "%s: cannot be written: %s; the file keeps its old contents", queue->path,
-                    g_strerror(errno));
+                    "%s: cannot be written: %s; the file keeps its old contents: check the free "
+                    "space and the rights of its folder",
+                    queue->path, g_strerror(errno));
     return ok;
 }

@@ -158,7 +158,8 @@ char *capture_check_options(Session *session, const struct devices *devices) {
         n > SHOWN_CHANGES ? g_strdup_printf(", and %u more", n - SHOWN_CHANGES) : g_strdup("");
     return g_strdup_printf(
         "The rig file has changed since the session was begun: %s%s. Frames from "
-        "before and after the change may not fit together.",
+        "before and after the change may not fit together: restore the rig file, or begin a new "
+        "session.",
         list, more);
 }
 
@@ -205,7 +206,7 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
     if (g_strcmp0(text, now_text) == 0)
         return NULL;
     return g_strdup(
-        "The rig's geometry or calibration is not the one the session was begun with; frames from "
-        "before and after the change may not fit together. Processing uses the calibration of the "
-        "beginning.");
+        "The rig's geometry or calibration is not the one with which the session was begun. "
+        "Processing uses the one of the beginning, so frames from after the change may not fit: "
+        "restore the calibration, or begin a new session.");
 }

@@ -150,8 +150,8 @@ static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
     for (int c = 0; c < seq->devices->geometry.n_cameras && seq->state == PASSING; c++) {
         g_autoptr(GError) error = NULL;
         if (!camera_set_has(shot->pending, c) || camera_set_has(seq->waiting, c))
-            /* the camera has no picture to take, or its last frame is still awaited; in the latter
-             * case the picture is taken in another turn of the table */
+            /* the camera has no picture to take, or its last frame has not arrived yet; then the
+             * picture is taken in a later turn of the table */
             continue;
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
             camera_set_add(&seq->exposing, c);

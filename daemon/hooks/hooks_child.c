@@ -92,12 +92,16 @@ static void finish_if_done(struct child *child) {
                                 "time_limit_s in hooks.conf sets the limit",
                                 child->name, child->time_limit_s);
     else if (g_subprocess_get_if_signaled(child->process))
-        g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_FAILED, "%s ended by signal %d (%s)",
-                                child->name, g_subprocess_get_term_sig(child->process),
-                                g_strsignal(g_subprocess_get_term_sig(child->process)));
+        g_task_return_new_error(
+            task, G_IO_ERROR, G_IO_ERROR_FAILED,
+            "%s ended by signal %d (%s); what it has printed is in the log above", child->name,
+            g_subprocess_get_term_sig(child->process),
+            g_strsignal(g_subprocess_get_term_sig(child->process)));
     else if (g_subprocess_get_exit_status(child->process) != 0)
-        g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_FAILED, "%s failed with exit code %d",
-                                child->name, g_subprocess_get_exit_status(child->process));
+        g_task_return_new_error(
+            task, G_IO_ERROR, G_IO_ERROR_FAILED,
+            "%s failed with exit code %d; what it has printed is in the log above", child->name,
+            g_subprocess_get_exit_status(child->process));
     else
         g_task_return_boolean(task, TRUE);
 }
@@ -176,7 +180,8 @@ void hooks_child_run(const char *const *argv, const char *const *environ, const 
         mmap(NULL, sizeof *group, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (group == MAP_FAILED) {
         g_task_return_new_error(task, G_IO_ERROR, (int)g_io_error_from_errno(errno),
-                                "%s cannot be started: %s", argv[0], g_strerror(errno));
+                                "%s cannot be started: %s; end other programs on this computer",
+                                argv[0], g_strerror(errno));
         g_object_unref(task);
         return;
     }

@@ -168,7 +168,10 @@ static gboolean hear(struct program *program, GError **error) {
             strcmp(bus_name(), "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM, NULL,
             error);
         if (!connection) {
-            g_prefix_error(error, "cannot connect to the %s bus: ", bus_name());
+            g_prefix_error(error,
+                           "cannot connect to the %s bus (give --bus=system, --bus=session or "
+                           "--address, as mesorigd was started): ",
+                           bus_name());
             return FALSE;
         }
         listen_to(program, connection);
@@ -222,7 +225,9 @@ static int run(const struct hooks_conf *conf, GError **error) {
         program.hooks = hooks_new(conf);
     }
     if (desktop && !program.screen) {
-        g_prefix_error(error, "cannot connect to the session bus: ");
+        g_prefix_error(error,
+                       "cannot connect to the session bus (start mesorig-hooks --desktop in the "
+                       "session of a desktop): ");
         program.exit_code = 1;
     } else if (check) {
         tell_made_up(&program);

@@ -141,7 +141,7 @@ static void append_row(struct tour *t, const struct cell *row, int k) {
 
 /* Makes a tour that visits the poses row by row. The poses of a row have the same angle of the arc
  * (ROWS_OF_ARC), of the turntable (ROWS_OF_TURNTABLE) or of the arc minus the turntable
- * (ROWS_OF_LIGHT). In the latter case, turntable and arc turn together along a row. */
+ * (ROWS_OF_LIGHT). Along a row of ROWS_OF_LIGHT, turntable and arc turn together. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
 

@@ -92,8 +92,9 @@ static Axis *open_axis(struct devices *devices, const struct layout *layout,
     if (park && !axis->motion.wraps &&
         (axis->park_deg < axis->motion.min_deg || axis->park_deg > axis->motion.max_deg)) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, LAYOUT_PARK_KEY,
-                         "%g is outside the limits of the axis, %g to %g degrees", axis->park_deg,
-                         axis->motion.min_deg, axis->motion.max_deg);
+                         "%g is outside the limits of the axis, %g to %g degrees; correct it, or "
+                         "min_deg and max_deg",
+                         axis->park_deg, axis->motion.min_deg, axis->motion.max_deg);
         return NULL;
     }
     return g_steal_pointer(&axis);

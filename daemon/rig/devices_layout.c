@@ -296,10 +296,12 @@ static gboolean wire_lamp(struct layout *layout, int i, int bank, int index, con
                           Mistakes *mistakes) {
     for (int k = 0; k < i; k++)
         if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == index)
-            return config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], key,
-                                  "lamp %d of %s is [lamp %s] already, in line %d", index,
-                                  layout->banks[bank].section->name, layout->geometry.lamps[k].name,
-                                  layout->lamps[k]->line);
+            return config_mistake(
+                mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], key,
+                "lamp %d of %s is [lamp %s] already, in line %d; correct one of the "
+                "two",
+                index, layout->banks[bank].section->name, layout->geometry.lamps[k].name,
+                layout->lamps[k]->line);
     layout->lamp_bank[i] = bank;
     layout->lamp_index[i] = index;
     return TRUE;
@@ -639,7 +641,8 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
             drivers_by_name(section))
             config_mistake(
                 mistakes, CONFIG_ERROR_VALUE, section, "driver",
-                "%s is a real device and cannot work in virtual time; write clock = real in [rig]",
+                "%s drives a real device, which cannot work in virtual time; write clock = real in "
+                "[rig]",
                 driver);
     }
     for (gsize i = 0; layout->has_all_sections && i < G_N_ELEMENTS(needed); i++)

@@ -15,8 +15,9 @@ struct finder_modbus {
 
 /* Returns all devices that were found, as struct found. Free the array with g_ptr_array_unref().
  * For a bus that cannot be searched, a sentence is appended to ret_problems, and the search
- * continues with the others. The search takes one or two seconds. A Modbus line takes a further
- * tenth of a second for each unit number without a device. Returns NULL with an error if the parity
+ * continues with the others. The search takes one or two seconds, and up to 5 s more if
+ * libgphoto2 does not answer. A Modbus line takes a further tenth of a second for each unit number
+ * without a device. Returns NULL with an error if the parity
  * is wrong. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);
 

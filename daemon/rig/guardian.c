@@ -137,10 +137,11 @@ static gboolean do_start(Guardian *guardian, GError **error) {
     int fds[2];
 
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) < 0) {
-        g_set_error(
-            error, G_FILE_ERROR, g_file_error_from_errno(errno),
-            "%s: its guardian cannot be started, because no pair of sockets can be made: %s",
-            guardian->rig_path, g_strerror(errno));
+        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(errno),
+                    "%s: its guardian cannot be started, because no pair of sockets can be made: "
+                    "%s; end other "
+                    "programs on this computer, or raise its limit of open files",
+                    guardian->rig_path, g_strerror(errno));
         return FALSE;
     }
     const gboolean started = g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, prepare_child,

@@ -27,9 +27,9 @@ typedef struct Guardian Guardian;
 gboolean guardian_is_needed(const char *rig_path);
 
 /* Starts this program again with --guardian RIG as a guardian, and waits at most 6 s for its first
- * answer. Call the function before the devices are opened. It also fails if another daemon has this
- * rig, and if the rig has not been safe since an earlier daemon died. In the latter case a guardian
- * continues to make the rig safe. */
+ * answer. Call the function before the devices are opened. Returns NULL with an error if there is
+ * no answer, if another daemon has this rig, or if an earlier daemon has died and the rig is not
+ * safe yet. In the last case another guardian continues to make the rig safe. */
 Guardian *guardian_start(const char *rig_path, GError **error);
 
 /* Returns TRUE if the guardian has answered within the last second. If the last answer is older,

@@ -122,8 +122,8 @@ static gboolean set_vector(struct lamp_place *lamp, const double v[3], double di
                                "millimetres",
                                v[0], v[1], v[2], length);
     if (!(lamp->distance_mm <= MAX_DISTANCE_MM))
-        return data_error_fail(path, line, error, "%g %g %g is farther away than %g mm", v[0], v[1],
-                               v[2], MAX_DISTANCE_MM);
+        return data_error_fail(path, line, error, "%g %g %g is farther away than %g mm; correct it",
+                               v[0], v[1], v[2], MAX_DISTANCE_MM);
     return TRUE;
 }
 

@@ -28,7 +28,9 @@ const Config *safe_state_config(const SafeState *state);
 gboolean safe_state_is_simulated(const SafeState *state);
 
 enum safe_try {
-    SAFE_TRY_SAFE,  /* the safe state was read back: off, or at a stop */
+    /* The device has confirmed the safe state: off, or at a stop. The state was read back, unless
+     * the driver's driver_info.confirmed says something else. */
+    SAFE_TRY_SAFE,
     SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,

@@ -258,9 +258,9 @@ static void take_report(SafeWork *work, struct report *report) {
     tell(work, "%s", task->text);
 }
 
-/* Records and reports, for each open task of a line, that the driver has crashed or does not
- * return. */
-static void note_crash(SafeWork *work, const struct line *line) {
+/* Records and reports, for each open task of a line, that the driver has crashed or, if hung is
+ * TRUE, has not ended in time. */
+static void note_crash(SafeWork *work, const struct line *line, gboolean hung) {
     for (int i = 0; i < safe_state_n(work->state); i++) {
         struct task *task = &work->tasks[i];
         if (!is_of(work, i, line) || (task->told && line->n_crashed > 1))
@@ -269,10 +269,11 @@ static void note_crash(SafeWork *work, const struct line *line) {
             task->fate = GIVEN_UP;
         task->hope = TRUE;
         g_free(task->text);
-        task->text = g_strdup_printf(
-            "%s: NOT safe: its driver has crashed, or has not ended within "
-            "%d s",
-            safe_state_name(work->state, i), (int)((work->life_us + LIMIT_US) / G_USEC_PER_SEC));
+        const char *name = safe_state_name(work->state, i);
+        task->text = hung
+                         ? g_strdup_printf("%s: NOT safe: its driver has not ended within %d s",
+                                           name, (int)((work->life_us + LIMIT_US) / G_USEC_PER_SEC))
+                         : g_strdup_printf("%s: NOT safe: its driver has crashed", name);
         task->told = TRUE;
         tell(work, "%s", task->text);
     }
@@ -289,7 +290,7 @@ static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
     line->n_crashed = crashed ? line->n_crashed + 1 : 0;
     line->begin_us = g_get_monotonic_time() + restart_us(line);
     if (crashed)
-        note_crash(work, line);
+        note_crash(work, line, hung);
 }
 
 static void read_line(SafeWork *work, struct line *line) {

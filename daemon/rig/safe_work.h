@@ -39,14 +39,14 @@ void safe_work_free(SafeWork *work);
  * (-1 for no limit) or the work has ended. Returns whether work is left. */
 gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms);
 
-/* Returns whether every device was read back and is safe, and the rig file names at least one
- * device. Call it when the work has ended. */
+/* Returns whether every device has confirmed that it is safe (SAFE_TRY_SAFE), and the rig file
+ * names at least one device. Call it when the work has ended. */
 gboolean safe_work_is_safe(const SafeWork *work);
 
 /* Returns the last result of each device that is not safe yet, or the device's name if it was
  * not tried yet, separated by "; ". Free it with g_free(). */
 char *safe_work_unsafe(const SafeWork *work);
 
-/* Does the whole work with SAFE_UNTIL_TIRED. Returns TRUE if every device was read back and is
- * safe. *ret_hope is TRUE if another attempt may make an unsafe device safe. */
+/* Does the whole work with SAFE_UNTIL_TIRED. Returns safe_work_is_safe(). *ret_hope is TRUE if
+ * another attempt may make an unsafe device safe. */
 gboolean safe_work_once(const SafeState *state, gboolean *ret_hope);

@@ -422,7 +422,7 @@ static GSocket *listen_at(GSocketAddress *address, GError **error) {
         g_socket_set_option(socket, IPPROTO_IPV6, IPV6_V6ONLY, TRUE, NULL);
     if (!g_socket_bind(socket, address, TRUE, error) || !g_socket_listen(socket, error)) {
         g_autofree char *text = g_socket_connectable_to_string(G_SOCKET_CONNECTABLE(address));
-        g_prefix_error(error, "cannot listen on %s: ", text);
+        g_prefix_error(error, "cannot listen on %s (choose another --port or --listen): ", text);
         return NULL;
     }
     return g_steal_pointer(&socket);

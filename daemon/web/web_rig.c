@@ -431,7 +431,10 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
                                                    BUS_NAME, BUS_PATH, NULL, error)
                          : NULL;
     if (!proxy) {
-        g_prefix_error(error, "cannot connect to the %s bus: ", bus ? bus : "system");
+        g_prefix_error(error,
+                       "cannot connect to the %s bus (give --bus=system, --bus=session or "
+                       "--address, as mesorigd was started): ",
+                       bus ? bus : "system");
         return NULL;
     }
     WebRig *rig = make(NULL);

@@ -134,8 +134,11 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
     g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
     if (g_mkdir(folder, 0777) != 0 && errno != EEXIST) {
         const int code = errno;
-        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code),
-                    "the folder %s for raw frames cannot be made: %s", folder, g_strerror(code));
+        g_set_error(
+            error, G_FILE_ERROR, (int)g_file_error_from_errno(code),
+            "the folder %s for raw frames cannot be made: %s; free some space, and check that "
+            "the daemon may write into the session",
+            folder, g_strerror(code));
         return FALSE;
     }
     /* Frames of a sweep are not compressed, because they arrive faster than they can be

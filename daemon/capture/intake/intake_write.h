@@ -1,4 +1,4 @@
-/* Writes and reads the files that intake.h describes. Any thread. */
+/* Writes and reads the files that intake.h describes. Any thread may call the functions. */
 #pragma once
 
 #include "frames/sweep.h"

@@ -263,7 +263,7 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
     if (n < 2 || views->len < 2) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: nothing can be predicted for this session: it has %d views and %d shots "
-                    "of lamps, and at least 2 of each are needed",
+                    "of lamps, and at least 2 of each are needed; give more directions",
                     conf->path, plan->session.n_views, n);
         return NULL;
     }

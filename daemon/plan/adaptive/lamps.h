@@ -4,8 +4,9 @@
  * the pictures that are (selection/prediction.h).
  *
  * Some hundred texels of each committed frame, the probes, are rectified and converted to
- * reflectances as in the BTF. The predictor uses these values. Each time, the shot that lowers the
- * expected error most for its price (plan_lamp_prices_s()) is chosen. The round is complete when
+ * reflectances as in the BTF. The predictor uses these values. Shots are chosen one after the
+ * other, each time the shot that lowers the expected error most for its price
+ * (plan_lamp_prices_s()). The round is complete when
  * the error is expected to be below [lights] error_pct, when [lights] budget_min is used up, or
  * when it has as many shots as all earlier rounds together. All functions but lamps_choose()
  * belong to the main loop's thread.

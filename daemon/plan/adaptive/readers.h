@@ -31,5 +31,5 @@ void readers_each_failed(Readers *readers,
                          gpointer data);
 
 void readers_stop(Readers *readers); /* drops jobs that have not begun */
-/* Returns whether readers_stop() was called. Any thread. */
+/* Returns whether readers_stop() was called. Any thread may call this function. */
 gboolean readers_stopped(const Readers *readers);

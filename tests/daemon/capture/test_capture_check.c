@@ -216,7 +216,7 @@ TEST(calibration) {
     replace_in(path, "^date=.*$", "date=2001-02-03T04:05:06Z");
     read_calibration(run, 1, "days old; “mesorig calibrate laser” renews it");
     g_autofree char *changed = capture_check_calibration(session, run->devices);
-    assert_has(changed, "is not the one the session was begun with");
+    assert_has(changed, "is not the one with which the session was begun");
     write_calibration(run, other);
     replace_in(other, "^id=small$", "id=large");
     g_assert_null(capture_calibration_line(rig, other, &error));
