@@ -339,7 +339,7 @@ static int plane_through(const struct board *board, const GArray *found, double 
                : 0;
 }
 
-/* Computes the homography through the corners of the detected markers that agree. from and seen
+/* Computes the homography through the corners of the detected markers that agree. from and to
  * get these corners on the board and in the picture, as doubles, two per point. The markers of a
  * ChArUco board show which colour its first square has. If this colour differs from
  * board->white_first, board->white_first is changed. Returns FALSE with an error if the search
@@ -381,7 +381,9 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
                "shows another board (correct --board), or the board is bent",
                n, board->columns, board->rows);
     else if (n == 1)
-        refuse(error, "only one marker of the board is visible, and at least 2 are needed");
+        refuse(error,
+               "only one marker of the board is visible, and at least 2 are needed: show more of "
+               "the board");
     else if (found->len > 0)
         refuse(error,
                "%u markers of the dictionary %s are visible, but a board of %d × %d has no markers "
@@ -437,8 +439,11 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
         else
-            refuse(error, "no chessboard of %d × %d squares is completely visible", board->columns,
-                   board->rows);
+            refuse(
+                error,
+                "no chessboard of %d × %d squares is completely visible: show the whole board, or "
+                "correct --board",
+                board->columns, board->rows);
         return FALSE;
     }
     for (int reversed = 0; reversed < 2; reversed++) {
@@ -454,7 +459,8 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (!unlike || open)
             return TRUE;
     }
-    refuse(error, fits ? "the light and dark squares in the picture do not lie as on the board"
+    refuse(error, fits ? "the light and dark squares in the picture do not lie as on the board: "
+                         "correct --board"
                        : "the corners that were found on the chessboard do not lie on a plane: use "
                          "a flat board");
     return FALSE;
@@ -478,7 +484,10 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
         else
-            refuse(error, "no grid of %d × %d circles is completely visible", columns, board->rows);
+            refuse(error,
+                   "no grid of %d × %d circles is completely visible: show the whole board, or "
+                   "correct --board",
+                   columns, board->rows);
         return FALSE;
     }
     for (int turned = 0; turned < 2; turned++) {

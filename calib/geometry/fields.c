@@ -54,16 +54,22 @@ static gboolean read_field(GKeyFile *file, const char *path, const char *group,
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
     g_autofree char *why = NULL;
     if ((int)g_strv_length(words) != f->n)
-        why = g_strdup_printf("does not have %d numbers, separated by semicolons", f->n);
+        why = g_strdup_printf("does not have %d numbers, separated by semicolons; calibrate again "
+                              "or restore the file",
+                              f->n);
     for (int i = 0; i < f->n && !why; i++) {
         char *end;
         const double number = g_ascii_strtod(words[i], &end);
         if (end == words[i] || *end || !isfinite(number))
-            why = g_strdup_printf("“%s” is not a finite number", words[i]);
+            why = g_strdup_printf(
+                "“%s” is not a finite number; calibrate again or restore the file", words[i]);
         else if (number < f->min || number > f->max)
-            why = g_strdup_printf("%g is out of range: %g to %g", number, f->min, f->max);
+            why =
+                g_strdup_printf("%g is out of range: %g to %g; calibrate again or restore the file",
+                                number, f->min, f->max);
         else if (f->integer && number != floor(number))
-            why = g_strdup_printf("%g is not a whole number", number);
+            why = g_strdup_printf("%g is not a whole number; calibrate again or restore the file",
+                                  number);
         else if (f->integer)
             ((int *)((char *)to + f->offset))[i] = (int)number;
         else
@@ -84,7 +90,8 @@ gboolean fields_read(GKeyFile *file, const char *path, const char *group,
         if (!f->name && !g_strv_contains(others, *key))
             return fields_refuse(
                 path, group, *key, error,
-                "this key is not known; a newer version of Mesorig may have written the file");
+                "this key is not known; a newer version of Mesorig may have written the file, so "
+                "update Mesorig or calibrate again");
     }
     for (const struct field *f = fields; f->name; f++)
         if (!read_field(file, path, group, f, to, error))
@@ -100,8 +107,9 @@ gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, c
         return fields_refuse(path, group, key, error,
                              "is missing or empty; calibrate again or restore the file");
     if (strlen(value) >= size) {
-        g_autofree char *why =
-            g_strdup_printf("“%s” is too long: at most %" G_GSIZE_FORMAT " bytes", value, size - 1);
+        g_autofree char *why = g_strdup_printf("“%s” is too long: at most %" G_GSIZE_FORMAT
+                                               " bytes; calibrate again or restore the file",
+                                               value, size - 1);
         return fields_refuse(path, group, key, error, why);
     }
     g_strlcpy(to, value, size);

@@ -225,9 +225,9 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble);
 
 /* Returns the rig with the turntable at an angle, in the frame in which the tilted axis is z.
  * Cameras, the arc, the axes of arm and probe, and devices that stand by themselves are tilted back
- * by the wobble. In this frame the sample turns only by Rz, and a thing that lies on the turntable
- * is level. The arc's tilt is corrected to first order only: the wobble's tilt is subtracted. The
- * error of this is below 1 µm for wobbles below 0.1°. ret may be rig. */
+ * by the wobble. In this frame the sample turns only by Rz, and an object that lies flat on the
+ * turntable is level. The arc's tilt is corrected to first order only: the wobble's tilt is
+ * subtracted. The error of this is below 1 µm for wobbles below 0.1°. ret may be rig. */
 void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
 
 /* Rotates a point or direction by a tilt: to W v if sign is 1, and to W⁻¹ v if sign is −1. */

@@ -316,11 +316,13 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
             "shows a spot too large to be a lamp; use a glossy ball, or put the lamp farther away");
     if (!best)
         return g_strdup(
-            spots->len == 0 ? "shows no lamp: no spot on it is much brighter than the rest"
+            spots->len == 0 ? "shows no lamp: no spot on it is much brighter than the rest; check "
+                              "the lamp, the exposure and the given position of the ball"
             : any_stays(spots)
                 ? "shows no lamp: its bright spots are specks or streaks, or other "
                   "photographs also show them; light each photograph from another direction"
-                : "shows no lamp: its bright spots are specks or streaks");
+                : "shows no lamp: its bright spots are specks or streaks; clean the ball, and "
+                  "check the lamp");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
     if (best->cut)
         return g_strdup_printf("shows the lamp at the edge of the searched area, at %.1f, %.1f px; "

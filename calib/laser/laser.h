@@ -17,8 +17,9 @@
 #define LASER_ERROR laser_error_quark()
 GQuark laser_error_quark(void);
 enum laser_error {
-    LASER_ERROR_PICTURES,   /* a laser has too few points */
-    LASER_ERROR_DEGENERATE, /* all planes have one height, or the sweeps have too few steps */
+    LASER_ERROR_PICTURES,   /* one laser, or all together, have too few points */
+    LASER_ERROR_DEGENERATE, /* all planes of a laser have one height, or the sweeps do not determine
+                               an unknown value */
     LASER_ERROR_SWEEP,   /* the direction of a sweep is reversed, or its range differs much from the
                             commanded one */
     LASER_ERROR_MISTAKE, /* the given facts about the sweeps are wrong; the message says which */

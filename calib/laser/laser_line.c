@@ -229,7 +229,7 @@ static double value_at(const struct picture *picture, double x, double y) {
 }
 
 struct look {                                    /* the view of the board in the picture */
-    const struct picture *picture, *reflectance; /* the latter may be NULL */
+    const struct picture *picture, *reflectance; /* reflectance may be NULL */
     struct rig_camera camera;                    /* at the origin */
     const struct board *board;
     const struct laser_pose *pose;

@@ -35,10 +35,11 @@ gboolean laser_board_point(const struct rig_camera *camera, const struct laser_p
 
 /* Computes from linear R, G, B (n × 3) how strongly the laser may have lit each pixel, and the
  * print's reflectance there in an arbitrary unit. dark is a photograph of the same scene without
- * the laser, or NULL. If dark is given, the strength is the largest difference from dark of the
- * three colours, and the reflectance is the mean colour of dark. Otherwise colour is the laser's
- * colour, 0 … 2. The mean of the other two colours is then the reflectance, and is subtracted from
- * the laser's colour. colour −1 stands for grey pictures, whose reflectance is NAN. */
+ * the laser, or NULL. If dark is given, the strength is the largest of the three colours'
+ * differences from dark, and the reflectance is the mean colour of dark. Otherwise colour is the
+ * laser's colour, 0 … 2. The mean of the other two colours is then the reflectance, and is
+ * subtracted from the laser's colour. colour −1 stands for grey pictures, whose reflectance is NAN.
+ */
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);
 /* Returns the colour in which the brightest pixels of a photograph differ most from grey. Returns

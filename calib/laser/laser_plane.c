@@ -582,10 +582,11 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
         squares += to->left_out[i] ? 0 : r[0] * r[0] + r[1] * r[1];
     }
     if (to->used < LASER_PLANE_MIN || 2 * to->used <= n) {
-        refuse(error, LASER_PLANE_ERROR_PICTURES,
-               "the lines of only %d of %d photographs lie in one plane: the laser or the camera "
-               "has moved between photographs; take the photographs again",
-               to->used, n);
+        refuse(
+            error, LASER_PLANE_ERROR_PICTURES,
+            "the lines of only %d of %d photographs lie in one plane, probably because the laser "
+            "or the camera has moved between photographs; take the photographs again",
+            to->used, n);
         return NULL;
     }
     const int freedom = 2 * to->used - 3;

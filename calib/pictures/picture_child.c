@@ -164,8 +164,9 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
     const int result = memfd_create("mesorig-picture", MFD_CLOEXEC);
     if (result < 0 || pipe2(ends, O_CLOEXEC) != 0) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: the program that reads this file cannot be started: %s", job->path,
-                    g_strerror(errno));
+                    "%s: the program that reads this file cannot be started: %s; close other "
+                    "programs and try again",
+                    job->path, g_strerror(errno));
     } else {
         const pid_t pid = start(job, result, ends[1], error);
         close(ends[1]);

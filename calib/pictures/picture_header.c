@@ -135,7 +135,7 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
         !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
                     "%s is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
-                    "can be read",
+                    "can be read; copy the file again, or save it as PNG or TIFF",
                     path);
         return FALSE;
     }

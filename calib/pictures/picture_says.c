@@ -14,7 +14,8 @@
 #define MAX_PROFILE (16 << 20)    /* largest number of bytes of an ICC profile */
 #define ADOBE_GAMMA (563 / 256.0) /* gamma of Adobe RGB (1998) */
 #define FILM_MM     43.2666       /* diagonal of 35 mm film, 36 × 24 mm */
-/* A focal length outside of this range of the longer side is a mistake of the file. */
+/* Range of a focal length, in units of the longer side of the picture. A value outside of this
+ * range is a mistake of the file. */
 #define SHORTEST 0.1
 #define LONGEST  200.0
 

@@ -48,10 +48,10 @@ struct picture_says {
 void picture_says_read(const guint8 *bytes, gsize length, struct picture_says *ret);
 void picture_says_clear(struct picture_says *says);
 
-/* Returns the focal length in pixels of a picture of this size, or 0 if the file does not say it.
- * EXIF gives the focal length of a lens that is focused at infinity. A lens that is focused on a
- * near object may be several per cent off. *ret_said is then a text such as "EXIF: 50 mm, 115.2
- * pixels per mm"; g_free(). */
+/* Returns the focal length in pixels of a picture of this size. *ret_said gets a text such as
+ * "EXIF: 50 mm, 115.2 pixels per mm"; g_free(). If the file does not give a focal length, returns
+ * 0, and *ret_said is NULL. EXIF gives the focal length of a lens that is focused at infinity. With
+ * a lens that is focused on a near object, the true focal length may differ by several per cent. */
 double picture_says_focal_px(const struct picture_says *says, int width, int height,
                              char **ret_said);
 

@@ -49,7 +49,9 @@ struct video *video_read(const char *path, int most, VideoProgress progress, gpo
     if (take_frames(result, video))
         return video;
     g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                "%s: FFmpeg returned incomplete frames; copy the file again, or convert it", path);
+                "%s: FFmpeg returned incomplete frames; copy the file again, or convert it to "
+                "another format",
+                path);
     video_free(video);
     return NULL;
 }

@@ -154,7 +154,8 @@ gboolean video_child_read(const struct picture_job *job, GError **error) {
         cv::VideoCapture capture;
         if (!is_video(job->fd) || !open_video(capture, name)) {
             g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                        "%s is not a folder of pictures, and not a video that can be read",
+                        "%s is not a folder of pictures, and not a video that can be read; give "
+                        "such a folder, or save the video as MP4 or AVI",
                         job->path);
             return FALSE;
         }

@@ -31,7 +31,7 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
         return work();
     } catch (const cv::Exception &e) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: OpenCV has failed: %s", what, e.err.c_str());
+                    "%s: OpenCV has failed: %s; take other pictures", what, e.err.c_str());
     } catch (const std::exception &e) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", what, e.what());
     }

@@ -3,7 +3,7 @@
  * output of the lamp and the position of the fiducial. The surround of a fiducial must be darker
  * than the fiducial, up to one radius of the fiducial beyond its edge.
  *
- * Pure functions over plain data. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 

@@ -141,7 +141,8 @@ static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, 
 }
 
 /* Fits black level and dark current: dark mean = black + dark current · exposure (EMVA 1288 §7.1).
- * Returns FALSE with an error if the usable dark pairs all have one exposure. */
+ * Returns FALSE with an error if fewer than two exposures have a dark pair that is not saturated
+ * everywhere. */
 static gboolean fit_dark(struct fit *fit, GError **error) {
     struct line line = {0};
     for (int i = 0; i < fit->n_dark; i++) {
@@ -154,8 +155,8 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                "the usable dark pairs all have one exposure; give dark pairs of two exposures, as "
-                "far apart as the exposures of the session");
+                "the dark pairs that are not saturated all have one exposure, or there are none; "
+                "give dark pairs of two exposures, as far apart as the exposures of the session");
     return FALSE;
 }
 
@@ -208,9 +209,9 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     if (top < MIN_RANGE * (full_scale(fit) - fit->to->black_dn)) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
                     "the brightest part of the lit pictures that is not saturated is %.0f DN above "
-                    "dark, and full scale is %.0f DN; expose so that some pictures are between a "
-                    "third and two thirds of full scale",
-                    top, full_scale(fit));
+                    "dark, and at least %.0f DN is needed; expose so that some pictures are "
+                    "between a third and two thirds of full scale, %.0f DN",
+                    top, MIN_RANGE * (full_scale(fit) - fit->to->black_dn), full_scale(fit));
         return FALSE;
     }
     for (int pass = 0; pass < 8; pass++) {
@@ -369,8 +370,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                "no part of the picture is lit and not saturated at three or more exposures; use "
-                "shorter exposures");
+                "no part of the picture is lit and not saturated at three or more exposures; give "
+                "more and shorter exposures");
     return FALSE;
 }
 

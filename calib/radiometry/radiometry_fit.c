@@ -270,11 +270,12 @@ static gboolean check_shots(const struct problem *p, GError **error) {
         if (n == 0 || apart >= APART_RAD || (turns && p->rig->lamps[l].fixed))
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                    "lamp %s lights the tile from one side only (%s within %.0f°), so the lamp's "
-                    "fall-off and the cameras' vignetting cannot be separated; capture the tile at "
-                    "several arc angles, or with fixed lamps on several sides",
+                    "lamp %s lights the tile from one side only (%s within %.0f°, and %.0f° is "
+                    "needed), so the lamp's fall-off and the cameras' vignetting cannot be "
+                    "separated; capture the tile at several arc angles, or with fixed lamps on "
+                    "several sides",
                     p->rig->lamps[l].name, turns ? "arc angles" : "all lamps stand",
-                    apart * 180 / G_PI);
+                    apart * 180 / G_PI, APART_RAD * 180 / G_PI);
         return FALSE;
     }
     return TRUE;
