@@ -10,9 +10,12 @@
 
 #define MAX_PICTURES   20000
 #define KEPT_VECTORS   400 /* maximum number of residuals per camera in the report */
-#define SHORT_PICTURES 5
-#define EXIF_OFF       0.1  /* a larger difference from the EXIF data is a likely mistake */
-#define ZOOMED         0.01 /* photographs whose focal lengths differ by more have different zooms */
+#define SHORT_PICTURES 5   /* see rows_shown() */
+#define EXIF_OFF                                                                                   \
+    0.1 /* a larger relative difference from the focal length of the EXIF data is probably a       \
+           mistake */
+#define ZOOMED                                                                                     \
+    0.01 /* photographs whose focal lengths differ relatively by more have different zooms */
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;
@@ -136,7 +139,8 @@ static int by_size(gconstpointer a, gconstpointer b) {
     return (*x > *y) - (*x < *y);
 }
 
-/* Returns the median of the focal lengths that the EXIF data of the photographs give. */
+/* Returns the median of the focal lengths that the EXIF data of the photographs give, in pixels, or
+ * 0 if none gives one. Sets the members exif_… of the job. This is a guess for the calibration. */
 static double guess_focal(int width, int height, gpointer data) {
     struct job *job = data;
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(double));

@@ -117,12 +117,17 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     gboolean more;
     if (!picture || (laser_images_dark && !dark))
         return FALSE;
-    if (!same_size(picture, camera->width, camera->height) ||
-        (dark && !same_size(dark, camera->width, camera->height))) {
+    const struct picture *wrong = !same_size(picture, camera->width, camera->height) ? picture
+                                  : dark && !same_size(dark, camera->width, camera->height) ? dark
+                                                                                            : NULL;
+    if (wrong) {
         g_ptr_array_add(
             job->base.rejected,
-            g_strdup_printf("%s: the photograph does not have the %d × %d pixels of camera %s",
-                            path, camera->width, camera->height, camera->name));
+            g_strdup_printf(
+                "%s: the photograph has %d × %d pixels, but camera %s has %d × %d; give "
+                "whole photographs, not scaled",
+                wrong->name, wrong->width, wrong->height, camera->name, camera->width,
+                camera->height));
         return TRUE;
     }
     const struct picture *shows_board = dark ? dark : picture;

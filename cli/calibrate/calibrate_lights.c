@@ -214,8 +214,9 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-/* Fits the lamps to the sights. If the sights do not fit, first tests whether the marks have
- * other sizes, because that needs no new measurement of the sights. */
+/* Fits the lamps to the sights. Then tests whether the marks have other sizes, before any other
+ * mistake is searched for, because this test needs no new measurement of the sights. Returns FALSE
+ * with an error if the fit fails, or if the sights fit much better with other sizes. */
 static gboolean adjust(struct job *job, GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
     const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;

@@ -238,7 +238,8 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
     if (!ball_light_mean_direction(&camera, ball, found.x_px, found.y_px, found.xx_px2,
                                    found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
                                    &shift_rad))
-        return g_strdup("has its highlight outside of its outline");
+        return g_strdup("has its highlight outside of its outline, or is too large for the focal "
+                        "length; check --ball and --focal");
     /* A ball that appears larger than another of the same size is nearer. This is neglected. */
     if (job->focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,

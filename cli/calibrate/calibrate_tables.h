@@ -1,5 +1,6 @@
 /*
- * Tables of `mesorig calibrate report`: lamps, lasers and light, as HTML. Any thread.
+ * This module writes the tables of `mesorig calibrate report` about lamps, lasers and light, as
+ * HTML. Any thread may call the functions.
  */
 #pragma once
 

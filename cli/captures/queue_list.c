@@ -32,8 +32,8 @@ static gboolean has_ended(const struct shown *shown) {
     return strcmp(shown->state, "done") == 0 || strcmp(shown->state, "stopped") == 0;
 }
 
-/* Returns "21:40", "Tue 06:10" on another day, or "-" if the time is not known. Free it with
- * g_free(). */
+/* Returns a time as text: "21:40" for a time of today, "Tue 06:10" for another day, or "-" if at_s
+ * is 0 because the time is not known. Free it with g_free(). */
 static char *clock_text(gint64 at_s) {
     g_autoptr(GDateTime) time = g_date_time_new_from_unix_local(at_s);
     g_autoptr(GDateTime) now = g_date_time_new_now_local();

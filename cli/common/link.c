@@ -99,11 +99,15 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
         g_usleep(10 * 1000);
     }
     g_autofree char *log = link_log(link);
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
-                g_subprocess_get_identifier(link->daemon)
-                    ? "mesorigd was started, but has not answered within 15 s: %s"
-                    : "mesorigd did not start: %s",
-                *log ? log : "it printed no message");
+    if (g_subprocess_get_identifier(link->daemon))
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "mesorigd was started, but has not answered within 15 s; try again when the "
+                    "computer is less busy%s%s",
+                    *log ? "\nIts last messages:\n" : "", log);
+    else
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "mesorigd did not start: %s",
+                    *log ? log
+                         : "it printed no message; run mesorigd in a terminal to see how it ends");
     return FALSE;
 }
 

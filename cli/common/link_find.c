@@ -164,9 +164,9 @@ static Link *none_at_all(GError **error) {
         }
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "no mesorigd is running: neither for this user nor on the system or session "
-                "bus (systemctl start mesorigd, or mesorigd --listen unix:path=/tmp/NAME --rig "
-                "RIG; a mesorigd that was started with another XDG_RUNTIME_DIR is found only "
+                "no mesorigd is running, neither for this user nor on the system or session bus; "
+                "start one: systemctl start mesorigd, or mesorigd --listen unix:path=/tmp/NAME "
+                "--rig RIG (a mesorigd that was started with another XDG_RUNTIME_DIR is found only "
                 "with --address or %s)",
                 BUS_CLIENT_VARIABLE);
     return NULL;

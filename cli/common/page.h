@@ -1,5 +1,6 @@
-/* Pages of HTML that a person can mail: one file without references to others, readable on a phone
- * and on paper, in light and dark colours. Any thread. */
+/* This module makes HTML pages that a person can mail. A page is one file without references to
+ * others. It is readable on a phone and on paper, in light and dark colours. Any thread may call
+ * the functions. */
 #pragma once
 
 #include <gio/gio.h>

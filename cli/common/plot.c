@@ -36,7 +36,8 @@ gboolean plot_finish(cairo_t *cr, const char *path, GError **error) {
     status = status ? status : cairo_surface_status(surface);
     cairo_surface_destroy(surface);
     if (status)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "%s: cannot be written: %s", path,
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "%s: cannot be written: %s; check that the folder has space", path,
                     cairo_status_to_string(status));
     return status == CAIRO_STATUS_SUCCESS;
 }

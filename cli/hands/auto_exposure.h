@@ -23,8 +23,8 @@
 #include "plan/plan.h"
 
 /* Chooses the exposures. Returns lines for session_conf_choose(), which are empty if nothing is
- * auto; g_free(). rig_path is the path of the rig file. Returns NULL if a device has failed or if
- * no exposure is suitable. In the latter case, the error names the camera and the light, the
- * necessary exposure, and the key to change. */
+ * auto; g_free(). rig_path is the path of the rig file. Returns NULL with an error if a device has
+ * failed or if no exposure is suitable. If no exposure is suitable, the error names the camera and
+ * the light, the necessary exposure, and the key to change. */
 char *auto_exposure_choose(Link *link, const struct session_conf *conf, const char *rig_path,
                            GError **error);

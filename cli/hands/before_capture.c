@@ -34,7 +34,7 @@ static gboolean take_test_shots(Link *link, const struct before_capture *what,
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_FAILED,
             "the check before the capture (%d test shots) gave %u warning%s, so the capture "
-            "was not begun; --yes begins it nevertheless",
+            "was not begun; do what the warnings say, or --yes begins it nevertheless",
             n, warnings->len, warnings->len == 1 ? "" : "s");
     return warnings->len == 0 || what->yes;
 }

@@ -115,8 +115,8 @@ static gboolean is_device_line(const char *line) {
     return *line == '[';
 }
 
-/* Adds a row for each device of a recording that said this when it was opened: the text after
- * "[axis turntable] = opened: ". */
+/* Adds a row for each device of a recording: the text that the device gave for `result`, such as
+ * the text after "[axis turntable] = opened: ". */
 static void add_said(GString *to, const char *recording, const char *result) {
     g_autofree char *mark = g_strdup_printf("] = %s: ", result);
     g_auto(GStrv) lines = g_strsplit(recording, "\n", -1);

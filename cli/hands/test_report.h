@@ -1,4 +1,5 @@
-/* What `mesorig test` has found, and its report: a page that a stranger can mail. Main thread. */
+/* This module keeps the results of `mesorig test`, and makes its report: a page that a stranger can
+ * mail. Only the main thread may call the functions. */
 #pragma once
 
 #include "drivers/frame.h"
@@ -17,8 +18,10 @@ struct test_result {
     char *said; /* a sentence with figures, or the error and what to do */
     double seconds;
     GArray *moves; /* of struct test_move; of an axis */
-    /* Of a light: times until the device has confirmed "on" and "off", NAN if it has not. rise_dn
-     * is what the cameras have seen, NAN if there was none. */
+    /* Only for a light. on_s and off_s are the times until the device has confirmed "on" and "off",
+     * or NAN if it has not. rise_dn is the largest rise of a camera's picture when the light is on:
+     * of its mean for a lamp, and of its brightest pixel for a laser. rise_dn is NAN if no camera
+     * took a picture. */
     double on_s, off_s, rise_dn;
     const char *confirmed; /* what a confirmed command means; static */
 };
@@ -54,8 +57,8 @@ struct test_picture *test_report_add_picture(struct test_report *report, const c
  * difference, divided by √2. Returns NAN if their sizes differ. */
 double test_noise_dn(const Frame *a, const Frame *b);
 
-/* Removes the paths and addresses of the devices from what was said. rig is the path of the rig
- * file. */
+/* Removes the paths and addresses of the devices from the texts of the report. rig is the path of
+ * the rig file. */
 void test_report_hide_places(struct test_report *report, const char *rig);
 
 /* Returns the page (common/page.h), which has no path, no host name and no address; g_free(). */

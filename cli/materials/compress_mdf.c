@@ -52,7 +52,7 @@ static gboolean work_mdf(const struct work *work, gpointer data, GError **error)
 
 static void tell(Record *to, const struct mdf_compression *compression, double seconds) {
     const struct mdf_codec_result *result = &compression->result;
-    /* One byte per texel and view, as in the publication. */
+    /* The size is compared with that of one byte per texel and view. */
     const gint64 raw_bytes =
         (gint64)compression->n_measured * compression->width * compression->height;
     record_say(to, "%s{file}: done in %g{:time}: %s; ", compression->asked->output, seconds,

@@ -14,8 +14,8 @@
 #define BENCH_ENDS_MS   1000 /* time to end after "close" and after the end of standard input */
 #define BENCH_MAX_LAMPS 1024
 
-/* The part of the axis' way that the checks may use, its speed and acceleration, and the largest
- * error of its position after a move. */
+/* The range of angles of an axis that the checks may use, the speed and acceleration of the axis,
+ * and the largest error of its position after a move. */
 struct bench_motion {
     double min_deg, max_deg, speed_deg_s, accel_deg_s2, tolerance_deg;
 };

@@ -8,7 +8,7 @@
 
 #define MAX_DEG  1e9
 #define POLL_MS  100 /* time between two questions, as in the driver */
-#define HOMING_S 60  /* time to home, in addition to the time of two moves over the whole way */
+#define HOMING_S 60  /* time to home, in addition to the time of two moves over the whole range */
 #define STOP_S   5 /* time until the axis stands after “stop”, in addition to the time of braking */
 
 struct state {
@@ -170,7 +170,7 @@ gboolean check_axis_same_place(struct bench *bench) {
     return ready_homed(bench) && move(bench, at(bench, 0.4)) && move(bench, at(bench, 0.4));
 }
 
-/* Moves the axis to a quarter of the way that the checks may use, and begins to move it to three
+/* Moves the axis to a quarter of the range that the checks may use, and begins to move it to three
  * quarters. */
 gboolean check_axis_make_unsafe(struct bench *bench) {
     return ready_homed(bench) && move(bench, at(bench, 0.25)) && begin_move(bench, at(bench, 0.75));

@@ -24,9 +24,9 @@ static const GOptionEntry entries[] = {
      "Run only this check; may be given several times", "CHECK"},
     {"list", 0, 0, G_OPTION_ARG_NONE, &list, "List the checks", NULL},
     {"min-deg", 0, 0, G_OPTION_ARG_DOUBLE, &motion.min_deg,
-     "Axis: begin of the way that the checks may use", "DEG"},
+     "Axis: lower end of the range that the checks may use", "DEG"},
     {"max-deg", 0, 0, G_OPTION_ARG_DOUBLE, &motion.max_deg,
-     "Axis: end of the way that the checks may use", "DEG"},
+     "Axis: upper end of the range that the checks may use", "DEG"},
     {"speed-deg-s", 0, 0, G_OPTION_ARG_DOUBLE, &motion.speed_deg_s, "Axis: speed (20)", "DEG/S"},
     {"accel-deg-s2", 0, 0, G_OPTION_ARG_DOUBLE, &motion.accel_deg_s2, "Axis: acceleration (100)",
      "DEG/S²"},
@@ -162,7 +162,7 @@ static int run_bench(const struct call *call, struct bench *bench, GError **erro
     }
     if (g_str_equal(bench->class_name, "axis") && !(motion.min_deg < motion.max_deg))
         return cli_usage(call->command, "the checks move the axis: give --min-deg and --max-deg, "
-                                        "the way that they may use");
+                                        "the range that they may use");
     if (motion.speed_deg_s <= 0)
         return cli_usage(call->command, "--speed-deg-s must be above 0");
     if (motion.accel_deg_s2 <= 0)

@@ -1,7 +1,7 @@
 /* A description of a session for other people. It contains the content of the database, of the
  * headers of the products and of a few pictures. It is gathered once, and then written as a page
  * (HTML, one file) or as the metadata of a research object (RO-Crate 1.1). The functions write no
- * files. Any thread. */
+ * files, and any thread may call them. */
 #pragma once
 
 #include "calibration/calibration.h"

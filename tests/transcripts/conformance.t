@@ -40,10 +40,10 @@ A program that breaks a promise, here that the lamps are off after “close”:
   $ mesorig conformance --only close --json $HERE/tests/cli/programs/helper.py lamps $PWD/device unsafe-at-close 2>/dev/null | sed 's|/.*/helper|helper|'
   {"program": "helper.py", "class": "lamps", "checks": [{"check": "close", "promise": "after “close” the lamps are off and the program ends", "result": "failed", "expected": "lamp 0 is off after “close”", "came": "“get” says that it is on", "advice": "switch all lamps off before the program ends, and switch none in “open”"}], "passed": 0, "failed": 1, "skipped": 0}
 
-An axis moves only within the way that is given:
+An axis moves only within the range that is given:
 
   $ mesorig conformance $HERE/tests/cli/programs/helper.py axis $PWD/device
-  mesorig conformance: the checks move the axis: give --min-deg and --max-deg, the way that they may use
+  mesorig conformance: the checks move the axis: give --min-deg and --max-deg, the range that they may use
   Usage: mesorig conformance FILE [ARGUMENT…]
   [2]
   $ mesorig conformance --only home --min-deg=0 --max-deg=10 $HERE/tests/cli/programs/helper.py axis $PWD/device 2>/dev/null
@@ -92,7 +92,7 @@ Bad usage:
   Usage: mesorig conformance FILE [ARGUMENT…]
   [2]
   $ mesorig conformance --class axis --min-deg 1 --max-deg 0 $HERE/tests/cli/programs/helper.py axis $PWD/device
-  mesorig conformance: the checks move the axis: give --min-deg and --max-deg, the way that they may use
+  mesorig conformance: the checks move the axis: give --min-deg and --max-deg, the range that they may use
   Usage: mesorig conformance FILE [ARGUMENT…]
   [2]
 
