@@ -1,4 +1,5 @@
-/* Numbers at the end of a file in memory, with the least significant byte first. Any thread. */
+/* Numbers at the end of a file in memory, with the least significant byte first. Any thread may
+ * call the functions. */
 #pragma once
 
 #include <glib.h>

@@ -1,6 +1,7 @@
 /*
  * A set of cameras of a rig. Each stop of a camera on the camera arm is a camera of its own
- * (geometry/rig.h). Plain data: {0} is the empty set, and = copies a set. Any thread.
+ * (geometry/rig.h). Plain data: {0} is the empty set, and = copies a set. Any thread may call the
+ * functions.
  *
  *     struct camera_set shown = camera_set_of(3);
  *     camera_set_add(&shown, 70);

@@ -1,4 +1,5 @@
-/* The text of --help, laid out for a terminal of 80 columns. Main thread. */
+/* The text of --help, laid out for a terminal of 80 columns. Only the main thread may call the
+ * functions. */
 #pragma once
 
 #include <glib.h>

@@ -59,12 +59,14 @@ const char *input_file_kind(mode_t mode) {
 static gboolean check_status(const char *path, const struct stat *status, guint64 max_bytes,
                              GError **error) {
     if (!S_ISREG(status->st_mode))
-        return input_file_fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
+        return input_file_fail(path, INPUT_FILE_ERROR_KIND, error,
+                               "it is %s, not a regular file; give the path of a file",
                                input_file_kind(status->st_mode));
     return (guint64)status->st_size <= max_bytes ||
            input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
                            "it has %" G_GUINT64_FORMAT
-                           " bytes, more than the limit of %" G_GUINT64_FORMAT,
+                           " bytes, more than the limit of %" G_GUINT64_FORMAT
+                           "; give a smaller file",
                            (guint64)status->st_size, max_bytes);
 }
 
@@ -115,7 +117,8 @@ static char *input_file_read_all(int fd, const char *path, gsize expected, gsize
         length += (gsize)n;
         if (length > max_bytes) {
             input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                            "it has more than %" G_GSIZE_FORMAT " bytes, the limit for such a file",
+                            "it has more than %" G_GSIZE_FORMAT
+                            " bytes, the limit for such a file; give a smaller file",
                             max_bytes);
             return NULL;
         }
@@ -173,7 +176,8 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error) {
     if (!text || strlen(text) == length)
         return g_steal_pointer(&text);
     input_file_fail(path, INPUT_FILE_ERROR_TEXT, error,
-                    "it is not a text file: byte %" G_GSIZE_FORMAT ", counted from 0, is 0",
+                    "it is not a text file: byte %" G_GSIZE_FORMAT
+                    ", counted from 0, is 0; give a text file",
                     strlen(text));
     return NULL;
 }

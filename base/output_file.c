@@ -41,8 +41,12 @@ struct OutputFile {
 static gboolean fail(const char *path, GError **error) {
     const int saved = errno;
     const gboolean full = saved == ENOSPC || saved == EDQUOT;
+    const gboolean denied = saved == EACCES || saved == EPERM || saved == EROFS;
     g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be written: %s%s", path,
-                g_strerror(saved), full ? "; free some space, then try again" : "");
+                g_strerror(saved),
+                full     ? "; free some space, then try again"
+                : denied ? "; choose a folder in which you may write"
+                         : "");
     return FALSE;
 }
 

@@ -1,4 +1,4 @@
-/* Pictures as PNG. Any thread. */
+/* Pictures as PNG. Any thread may call the functions. */
 #pragma once
 
 #include <gio/gio.h>

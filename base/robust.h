@@ -1,4 +1,4 @@
-/* Robust statistics: outliers have a bounded influence. Any thread. */
+/* Robust statistics: outliers have a bounded influence. Any thread may call the functions. */
 #pragma once
 
 /* Compares two doubles, for qsort(). */

@@ -1,4 +1,5 @@
-/* The transfer curve of sRGB (IEC 61966-2-1), and its inverse. Any thread. */
+/* The transfer curve of sRGB (IEC 61966-2-1), and its inverse. Any thread may call the functions.
+ */
 #pragma once
 
 #include <math.h>

@@ -115,7 +115,7 @@ static gboolean take_row(TextTable *table, GPtrArray *fields, int line, GError *
                                table->separator == ',' && fields->len > table->names->len
                                    ? "; if its numbers have decimal commas, separate fields by "
                                      "semicolons or tabs"
-                                   : "");
+                                   : "; correct the line");
     g_ptr_array_add(table->rows, g_ptr_array_ref(fields));
     g_array_append_val(table->lines, line);
     return TRUE;
@@ -157,7 +157,8 @@ TextTable *text_table_read(const char *path, GError **error) {
         ok = data_error_fail(path, 0, error,
                              "the table is empty; its first line must name the columns");
     else if (ok && table->rows->len == 0)
-        ok = data_error_fail(path, 0, error, "the table has no rows below its header line");
+        ok = data_error_fail(path, 0, error,
+                             "the table has no rows below its header line; add them");
     return ok ? g_steal_pointer(&table) : NULL;
 }
 

@@ -92,7 +92,7 @@ Files that cannot be read:
   mesorig: cannot read /no/such/rig.conf: No such file or directory
   [1]
   $ mesorig plan "$SMALL/rig.conf" .
-  mesorig: cannot read .: it is a directory, not a regular file
+  mesorig: cannot read .: it is a directory, not a regular file; give the path of a file
   [1]
   $ mesorig capture bad_rig.conf "$SMALL/session.conf" -o x
   mesorig: bad_rig.conf: 3 mistakes:
