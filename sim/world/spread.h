@@ -1,8 +1,8 @@
 /*
- * Sample positions of a pixel. The density of the positions is the square of the pixel convolved
- * with the blur of the lens, and the positions are evenly spread (stratified). Each pixel of each
- * view has other positions. With independent random positions, a few samples would locate an edge
- * no better than a camera with a few electrons.
+ * This module chooses the sample positions of a pixel. The density of the positions is the square
+ * of the pixel convolved with the blur of the lens, and the positions are evenly spread
+ * (stratified). Each pixel of each view has other positions. With independent random positions, a
+ * few samples would locate an edge no better than a camera with a few electrons.
  *
  * Any thread may call the functions.
  */

@@ -18,9 +18,8 @@ struct bleeding {
     struct surface *cells;       /* ny × nx; cells without sample show the turntable */
     int reach;                   /* reach of the kernel, in cells */
     float per_step;              /* 1/mm */
-    float kernel[REACH_SCALES * KERNEL_STEPS +
-                 /* The sum of the kernel over the cells of a level surface is 1. */
-                 2];
+    /* The sum of the kernel over the cells of a level surface is 1. */
+    float kernel[REACH_SCALES * KERNEL_STEPS + 2];
 };
 
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {

@@ -242,7 +242,7 @@ static gboolean check_options(const struct config_section *section,
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
                                        "needs three numbers for each post (x;y;height) or each "
-                                       "ball (x;y;radius), but has %d in all",
+                                       "ball (x;y;radius), but has %d in all; correct the list",
                                        options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)

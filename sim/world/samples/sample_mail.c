@@ -102,9 +102,8 @@ static gboolean shape_mail(struct mail *mail) {
     const double width = o->width_mm / o->repeats, height = o->height_mm / o->repeats;
     mail->n_x = sample_count(width, o->period_mm, 1);
     mail->n_y = sample_count(height, width / mail->n_x / ROWS, 2);
-    if (height / mail->n_y < 0.7 * width / mail->n_x /
-                                 /* If only two rows fit, they may be too close for this p. */
-                                 ROWS)
+    /* If only two rows fit, they may be too close for this p. */
+    if (height / mail->n_y < 0.7 * width / mail->n_x / ROWS)
         mail->n_x = sample_count(width, height / mail->n_y * ROWS, 1);
     mail->p_mm = width / mail->n_x;
     mail->q_mm = height / mail->n_y;
