@@ -151,7 +151,8 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
                 continue;
             g_clear_pointer(&seen->corners, g_array_unref);
             cameras_set_why(
-                seen, "the clear corners of the board are too few to find the pose of the board");
+                seen, "the clear corners of the board are too few to find the pose of the board; "
+                      "show more of the board, and keep it sharp");
         }
     }
     return TRUE;

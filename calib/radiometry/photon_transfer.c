@@ -86,9 +86,10 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
                     what, pair->exposure_us);
     else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the mean brightnesses of the %s pair at %g µs differ by %.1f %%; let the "
-                    "lamps warm up, and keep other light out",
-                    what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
+                    "the mean brightnesses of the %s pair at %g µs differ by %.1f %%, and at most "
+                    "%g %% is allowed; let the lamps warm up, and keep other light out",
+                    what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)),
+                    100 * ALIKE);
     else
         return TRUE;
     return FALSE;

@@ -227,7 +227,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
                              const GPtrArray *events, GError **error) {
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
-    /* The message that explains why the session is not running. */
+    /* the reason of a pause */
     g_autofree char *reason =
         strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
