@@ -128,6 +128,9 @@ static GHashTable *documented(void) {
 
 /* mesorig-calibration(5) has every key that is written, and no other. */
 TEST(manual) {
+    /* keys that are missing if their value is 0 */
+    static const char *const left_out[] = {"lens", "k4", "k5", "k6", "fixed", "further_covariance",
+                                           NULL};
     g_autoptr(Calibration) calibration = complete();
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GHashTable) page = documented();
@@ -151,7 +154,8 @@ TEST(manual) {
     gpointer name;
     g_hash_table_iter_init(&iter, page);
     while (g_hash_table_iter_next(&iter, &name, NULL))
-        if (g_str_has_prefix(name, "[laser plane ")) /* test_laser_images reads these */
+        if (g_str_has_prefix(name, "[laser plane ") || /* test_laser_images reads these */
+            g_strv_contains(left_out, strchr(name, ']') + 2))
             g_hash_table_iter_remove(&iter);
         else if (!g_hash_table_contains(written, name))
             g_test_message("no calibration file has %s", (char *)name);
