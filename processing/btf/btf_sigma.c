@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/data_error.h"
+#include "base/robust.h"
 
 #define SIGNIFICANT_BITS 5 /* significant bits of a stored σ */
 
@@ -69,18 +70,9 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
     }
 }
 
-static int by_size(const void *a, const void *b) {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-/* Sorts the values and returns their median (the upper one if n is even). Returns 0 if n is 0;
- * values may then be NULL. */
-static double btf_sigma_median(float *values, gsize n) {
-    if (n == 0)
-        return 0;
-    qsort(values, n, sizeof *values, by_size);
-    return (double)values[n / 2];
+/* Returns the median (the upper one if n is even), and reorders the values. Returns 0 if n is 0. */
+static double btf_sigma_median(double *values, gsize n) {
+    return n > 0 ? robust_select(values, (int)n, (int)(n / 2)) : 0;
 }
 
 /* Computes sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c² with f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Sums over
@@ -90,7 +82,7 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     float *sigma = exr_part_plane(part, "sigma");
     const float *const rho[] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                 exr_part_plane(part, "B")};
-    g_autofree float *all = g_new(float, n), *relative = g_new(float, n);
+    g_autofree double *all = g_new(double, n), *relative = g_new(double, n);
     double sums[3] = {0}, f[3], squares = 0;
     gsize seen = 0;
     for (gsize i = 0; i < n; i++)
@@ -112,9 +104,9 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
                                            exponent - SIGNIFICANT_BITS);
         if (holes[i])
             continue;
-        all[seen] = sigma[i];
+        all[seen] = (double)sigma[i];
         squares += value;
-        relative[seen++] = sigma[i] / (float)fmax(sqrt(value), BTF_SIGMA_DARK);
+        relative[seen++] = (double)(sigma[i] / (float)fmax(sqrt(value), BTF_SIGMA_DARK));
     }
     exr_set_v3d(part, "sigma.colour", f[0], f[1], f[2]);
     exr_set_double(part, "sigma.rms", seen > 0 ? sqrt(mean / (double)seen) : 0);
@@ -156,8 +148,8 @@ gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret) {
 void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
     g_autofree char *folder = g_build_filename(directory, "products", "btf", NULL);
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
-    g_autoptr(GArray) medians = g_array_new(FALSE, FALSE, sizeof(float));
-    g_autoptr(GArray) relatives = g_array_new(FALSE, FALSE, sizeof(float));
+    g_autoptr(GArray) medians = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) relatives = g_array_new(FALSE, FALSE, sizeof(double));
     double errors = 0, values = 0;
     const char *name;
     *ret = (struct btf_sigma_sums){0};
@@ -171,9 +163,8 @@ void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
             ret->lights++;
             if (!btf_sigma_read(part, &sigma))
                 continue;
-            const float median = (float)sigma.median, relative = (float)sigma.relative;
-            g_array_append_val(medians, median);
-            g_array_append_val(relatives, relative);
+            g_array_append_val(medians, sigma.median);
+            g_array_append_val(relatives, sigma.relative);
             ret->known++;
             errors += sigma.rms * sigma.rms;
             values += sigma.value * sigma.value;
@@ -187,10 +178,10 @@ void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
             exr_get_double(part, "light.phi_deg", &ret->worst_light_phi_deg, NULL);
         }
     }
-    ret->median = btf_sigma_median((float *)(void *)medians->data, medians->len);
-    ret->relative = btf_sigma_median((float *)(void *)relatives->data, relatives->len);
+    ret->median = btf_sigma_median((double *)(void *)medians->data, medians->len);
+    ret->relative = btf_sigma_median((double *)(void *)relatives->data, relatives->len);
     for (guint i = 0; i < relatives->len; i++) {
-        const double relative = (double)g_array_index(relatives, float, i);
+        const double relative = g_array_index(relatives, double, i);
         ret->worse += relative > BTF_SIGMA_LARGE && relative > 2 * ret->relative;
     }
     ret->share = values > 0 ? errors / values : 0;

@@ -188,11 +188,12 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
             residual[i] = fabs(back(candidate, z) - t->value[i]);
             weight[i] = residual[i];
         }
-        /* robust_median() sorts residual; the misfit below needs it sorted */
         const double scale = MAX(1.5 * robust_median(residual, t->n), 1e-9);
         for (int i = 0; i < t->n; i++)
             weight[i] = 1 / (1 + weight[i] * weight[i] / (scale * scale));
     }
+    /* The misfit leaves out the quarter of the values that fit worst. */
+    qsort(residual, (gsize)t->n, sizeof *residual, robust_by_value);
     double all = 0;
     const int most = (3 * t->n + 3) / 4;
     for (int i = 0; i < most; i++)

@@ -2,7 +2,6 @@
 
 #include <glib.h>
 #include <math.h>
-#include <stdlib.h>
 
 #define MOST 256 /* maximum number of candidates */
 
@@ -21,16 +20,22 @@ static double support_of(const struct mdf_candidate *candidates, int n, double m
     return sum + best;
 }
 
-static int by_mm(const void *a, const void *b) {
-    float x = ((const struct mdf_candidate *)a)->mm, y = ((const struct mdf_candidate *)b)->mm;
-    return (x > y) - (x < y);
-}
+struct deviation {
+    float mm;
+    double weight;
+};
 
-/* Sorts the samples by distance and returns the weighted median: the mean of two samples if the
- * middle falls between them. */
-static double weighted_median(struct mdf_candidate *samples, int n) {
-    qsort(samples, (gsize)n, sizeof *samples, by_mm);
+/* Sorts the samples by distance, by insertion because there are few of them. Returns the weighted
+ * median: the mean of two samples if the middle falls between them. */
+static double weighted_median(struct deviation *samples, int n) {
     double total = 0, sum = 0;
+    for (int i = 1; i < n; i++) {
+        const struct deviation sample = samples[i];
+        int k = i;
+        for (; k > 0 && samples[k - 1].mm > sample.mm; k--)
+            samples[k] = samples[k - 1];
+        samples[k] = sample;
+    }
     for (int i = 0; i < n; i++)
         total += samples[i].weight;
     for (int i = 0; i < n; i++) {
@@ -111,7 +116,7 @@ struct mdf_merged mdf_merge_mean(const struct mdf_candidate *samples, int n) {
 
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
     const struct mdf_merged nothing = {.mm = -1};
-    struct mdf_candidate deviation[MOST];
+    struct deviation deviations[MOST] = {{0}};
     double most = -1, mode = 0; /* mode is the distance of the candidate with the largest support */
     int one_each = 0, kept = 0;
     g_return_val_if_fail(n <= MOST, nothing);
@@ -132,11 +137,10 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
             candidates[one_each - 1] = candidates[i];
     }
     /* Robust standard deviation: 1.4826 × weighted median of |mm_i − mode|. */
-    for (int i = 0; i < one_each; i++) {
-        deviation[i] = candidates[i];
-        deviation[i].mm = (float)fabs(candidates[i].mm - mode);
-    }
-    double spread = 1.4826 * weighted_median(deviation, one_each);
+    for (int i = 0; i < one_each; i++)
+        deviations[i] =
+            (struct deviation){(float)fabs(candidates[i].mm - mode), candidates[i].weight};
+    double spread = 1.4826 * weighted_median(deviations, one_each);
     for (int i = 0; i < one_each; i++)
         if (fabs(candidates[i].mm - mode) <= MAX(3 * spread, candidates[i].tolerance_mm))
             candidates[kept++] = candidates[i];
