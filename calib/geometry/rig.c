@@ -269,24 +269,36 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 
-/* Returns Rz(angle) · v. */
-struct vec3 rig_turn(struct vec3 v, double angle_rad) {
-    double c = cos(angle_rad), s = sin(angle_rad);
-
-    return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
+struct rig_rotation rig_rotation(double angle_rad) {
+    return (struct rig_rotation){cos(angle_rad), sin(angle_rad)};
 }
 
-/* Rodrigues' formula for the rotation vector t = (tx, ty, 0): v cos θ + sign (k × v) sin θ + k
- * (k·v)(1 − cos θ), with θ = |t| and k = t/θ. */
-struct vec3 rig_tilt_point(const double t[2], struct vec3 v, double sign) {
-    double angle = hypot(t[0], t[1]);
+struct vec3 rig_turn(struct vec3 v, double angle_rad) {
+    return rig_rotate(rig_rotation(angle_rad), v);
+}
 
+static struct rig_tilt tilt_of(const double t[2]) {
+    const double angle = hypot(t[0], t[1]);
     if (angle == 0)
+        return (struct rig_tilt){.cosine = 1};
+    return (struct rig_tilt){vec3(t[0] / angle, t[1] / angle, 0), cos(angle), sin(angle)};
+}
+
+/* Rodrigues' formula: v cos θ + sign (k × v) sin θ + k (k·v)(1 − cos θ), with the angle θ and the
+ * axis k of the tilt. */
+static struct vec3 tilt(const struct rig_tilt *by, struct vec3 v, double sign) {
+    const struct vec3 k = by->axis;
+    if (by->sine == 0)
         return v;
-    struct vec3 k = vec3(t[0] / angle, t[1] / angle, 0);
-    struct vec3 across = vec3_scale(vec3_cross(k, v), sign * sin(angle));
-    struct vec3 along = vec3_scale(k, vec3_dot(k, v) * (1 - cos(angle)));
-    return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
+    struct vec3 across = vec3_scale(vec3_cross(k, v), sign * by->sine);
+    struct vec3 along = vec3_scale(k, vec3_dot(k, v) * (1 - by->cosine));
+    return vec3_add(vec3_add(vec3_scale(v, by->cosine), across), along);
+}
+
+/* The rotation vector is t = (tx, ty, 0). */
+struct vec3 rig_tilt_point(const double t[2], struct vec3 v, double sign) {
+    const struct rig_tilt by = tilt_of(t);
+    return tilt(&by, v, sign);
 }
 
 void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]) {
@@ -359,25 +371,46 @@ struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct
     return rig_tilt_point(t, rig_turn(point_mm, turntable_rad), 1);
 }
 
-/* Returns tilt · Rz(α + zero) · d. */
-struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
+static struct rig_arc_pose arc_pose(const struct rig_arc *arc, double arc_rad) {
     if (!arc)
-        return rig_turn(direction, arc_rad);
-    return rig_tilt_point(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
+        return (struct rig_arc_pose){.turn = rig_rotation(arc_rad), .tilt = {.cosine = 1}};
+    return (struct rig_arc_pose){rig_rotation(arc_rad + arc->zero_rad), tilt_of(arc->tilt_rad),
+                                 vec3(arc->centre_mm[0], arc->centre_mm[1], 0)};
+}
+
+/* The pose of a device that does not move with the arc. */
+static struct rig_arc_pose device_pose(const struct rig_arc *arc, gboolean fixed, double arc_rad) {
+    return fixed ? (struct rig_arc_pose){{1, 0}, {.cosine = 1}, {0, 0, 0}} : arc_pose(arc, arc_rad);
+}
+
+/* Returns tilt · Rz(α + zero) · d. */
+static struct vec3 pose_direction(const struct rig_arc_pose *pose, struct vec3 direction) {
+    return tilt(&pose->tilt, rig_rotate(pose->turn, direction), 1);
 }
 
 /* Returns tilt · Rz(α + zero) · p + centre. */
-struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
-    struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
+static struct vec3 pose_point(const struct rig_arc_pose *pose, struct vec3 point_mm) {
+    return vec3_add(pose_direction(pose, point_mm), pose->centre_mm);
+}
 
-    return arc ? vec3_add(p, vec3(arc->centre_mm[0], arc->centre_mm[1], 0)) : p;
+static struct vec3 pose_point_back(const struct rig_arc_pose *pose, struct vec3 point_mm) {
+    const struct vec3 p = tilt(&pose->tilt, vec3_sub(point_mm, pose->centre_mm), -1);
+    return rig_rotate((struct rig_rotation){pose->turn.cosine, -pose->turn.sine}, p);
+}
+
+struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
+    const struct rig_arc_pose pose = arc_pose(arc, arc_rad);
+    return pose_direction(&pose, direction);
+}
+
+struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
+    const struct rig_arc_pose pose = arc_pose(arc, arc_rad);
+    return pose_point(&pose, point_mm);
 }
 
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
-    if (!arc)
-        return rig_turn(point_mm, -arc_rad);
-    struct vec3 p = vec3_sub(point_mm, vec3(arc->centre_mm[0], arc->centre_mm[1], 0));
-    return rig_turn(rig_tilt_point(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
+    const struct rig_arc_pose pose = arc_pose(arc, arc_rad);
+    return pose_point_back(&pose, point_mm);
 }
 
 /* The next three functions convert from the frame of the arc to the rig frame, and back. A fixed
@@ -433,6 +466,16 @@ struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *la
     return carried_direction(arc, laser->fixed, arc_rad, laser->axis);
 }
 
+struct rig_lamp rig_lamp_placed(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                double arc_rad) {
+    struct rig_lamp placed = *lamp;
+
+    placed.position_mm = rig_lamp_position_mm(arc, lamp, arc_rad);
+    placed.aim = rig_lamp_aim(arc, lamp, arc_rad);
+    placed.fixed = TRUE;
+    return placed;
+}
+
 struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad) {
     struct rig_laser placed = *laser;
@@ -444,18 +487,38 @@ struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_la
     return placed;
 }
 
+struct rig_laser_pose rig_laser_pose(const struct rig_arc *arc, const struct rig_laser *laser,
+                                     double arc_rad) {
+    struct rig_laser_pose pose = {.laser = laser,
+                                  .arc = device_pose(arc, laser->fixed, arc_rad),
+                                  .across = vec3_cross(laser->axis, laser->normal)};
+    pose.position_mm = pose_point(&pose.arc, laser->position_mm);
+    pose.axis = pose_direction(&pose.arc, laser->axis);
+    pose.normal = pose_direction(&pose.arc, laser->normal);
+    return pose;
+}
+
 /* The normal of the sheet at sweep angle s is n cos s' + (axis × n) sin s', with s' = s (1 +
- * stretch). */
+ * stretch). This is Rodrigues' formula for a vector perpendicular to the axis. */
+struct rig_plane rig_laser_pose_sheet(const struct rig_laser_pose *pose, double sweep_rad) {
+    const double s = sweep_rad * (1 + pose->laser->stretch);
+    const struct vec3 normal =
+        vec3_add(vec3_scale(pose->laser->normal, cos(s)), vec3_scale(pose->across, sin(s)));
+    struct rig_plane sheet = {.normal = pose_direction(&pose->arc, normal)};
+
+    sheet.offset_mm = vec3_dot(sheet.normal, pose->position_mm);
+    return sheet;
+}
+
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad) {
-    double s = sweep_rad * (1 + laser->stretch);
-    /* Rodrigues' formula for a vector perpendicular to the axis. */
-    struct vec3 normal = vec3_add(vec3_scale(laser->normal, cos(s)),
-                                  vec3_scale(vec3_cross(laser->axis, laser->normal), sin(s)));
-    struct rig_plane sheet = {.normal = carried_direction(arc, laser->fixed, arc_rad, normal)};
+    const struct rig_laser_pose pose = rig_laser_pose(arc, laser, arc_rad);
+    return rig_laser_pose_sheet(&pose, sweep_rad);
+}
 
-    sheet.offset_mm = vec3_dot(sheet.normal, rig_laser_position_mm(arc, laser, arc_rad));
-    return sheet;
+/* Returns the position of a point relative to the laser, in the frame of the arc. */
+static struct vec3 way_to(const struct rig_laser_pose *pose, struct vec3 point_mm) {
+    return vec3_sub(pose_point_back(&pose->arc, point_mm), pose->laser->position_mm);
 }
 
 /* Returns bend·t², with t² = a² / r², a = q·axis and r² = q·q − a², where q = way is the point
@@ -467,35 +530,40 @@ static double bent_rad(const struct rig_laser *laser, struct vec3 way) {
     return laser->bend_rad == 0 || !(away2 > 0) ? 0 : laser->bend_rad * along * along / away2;
 }
 
+double rig_laser_pose_bent_rad(const struct rig_laser_pose *pose, struct vec3 point_mm) {
+    if (pose->laser->bend_rad == 0)
+        return 0;
+    return bent_rad(pose->laser, way_to(pose, point_mm)) / (1 + pose->laser->stretch);
+}
+
 double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                           struct vec3 point_mm) {
-    if (laser->bend_rad == 0)
-        return 0;
-    return bent_rad(laser, vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm),
-                                    laser->position_mm)) /
-           (1 + laser->stretch);
+    const struct rig_laser_pose pose = rig_laser_pose(arc, laser, arc_rad);
+    return rig_laser_pose_bent_rad(&pose, point_mm);
 }
 
 /* Returns s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), where q is the point relative to the
  * laser in its carrier's frame, n the normal, and beam = n × axis. t does not depend on s. */
-double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
-                           struct vec3 point_mm) {
-    struct vec3 way =
-        vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm), laser->position_mm);
-    struct vec3 beam = vec3_cross(laser->normal, laser->axis);
+double rig_laser_pose_sweep_rad(const struct rig_laser_pose *pose, struct vec3 point_mm) {
+    const struct rig_laser *laser = pose->laser;
+    const struct vec3 way = way_to(pose, point_mm), beam = vec3_cross(laser->normal, laser->axis);
     /* atan2(), not atan(): only the half of the sheet on the beam's side of the axis is lit. */
-    double about = atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
+    const double about = atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
 
     return (about - bent_rad(laser, way)) / (1 + laser->stretch);
 }
 
+double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm) {
+    const struct rig_laser_pose pose = rig_laser_pose(arc, laser, arc_rad);
+    return rig_laser_pose_sweep_rad(&pose, point_mm);
+}
+
 /* The bend moves the sheet by bend·t² times the distance r from the axis, and t² r = a² / r. */
-void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
-                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]) {
-    const struct vec3 from = rig_laser_position_mm(arc, laser, arc_rad);
-    const struct vec3 axis = rig_laser_axis(arc, laser, arc_rad);
-    const struct vec3 normal = carried_direction(arc, laser->fixed, arc_rad, laser->normal);
-    const struct vec3 way = vec3_sub(point_mm, from);
+void rig_laser_pose_lever(const struct rig_laser_pose *pose, struct vec3 point_mm,
+                          double ret[RIG_SHEET_PARAMETERS]) {
+    const struct vec3 axis = pose->axis, normal = pose->normal;
+    const struct vec3 way = vec3_sub(point_mm, pose->position_mm);
     const double along = vec3_dot(way, axis);
 
     ret[RIG_SHEET_OFFSET] = 1;
@@ -503,6 +571,12 @@ void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *la
     ret[RIG_SHEET_ACROSS] = vec3_dot(point_mm, normal);
     ret[RIG_SHEET_BEAM] = vec3_dot(point_mm, vec3_cross(normal, axis));
     ret[RIG_SHEET_BEND] = along * along / sqrt(MAX(vec3_dot(way, way) - along * along, 1e-12));
+}
+
+void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]) {
+    const struct rig_laser_pose pose = rig_laser_pose(arc, laser, arc_rad);
+    rig_laser_pose_lever(&pose, point_mm, ret);
 }
 
 double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,

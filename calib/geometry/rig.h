@@ -217,6 +217,15 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
  * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
+/* rig_rotate(rig_rotation(a), v) is rig_turn(v, a), for many points at the same angle. */
+struct rig_rotation {
+    double cosine, sine;
+};
+struct rig_rotation rig_rotation(double angle_rad);
+static inline struct vec3 rig_rotate(struct rig_rotation by, struct vec3 v) {
+    return vec3(by.cosine * v.x - by.sine * v.y, by.sine * v.x + by.cosine * v.y, v.z);
+}
+
 /* The wobble tilts the axis of the turntable by a rotation vector (x, y, 0), which depends on the
  * angle of the turntable. rig_wobble_tilt() writes x and y at an angle. rig_wobble_most_rad()
  * returns the largest length of the vector in a turn. It looks at every degree. */
@@ -258,6 +267,11 @@ struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm);
 
+/* Returns the lamp as it stands with the arc at an angle: a fixed lamp with exactly the same light.
+ * Computing this once saves time if there are many points at the same angle. */
+struct rig_lamp rig_lamp_placed(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                double arc_rad);
+
 struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad);
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
@@ -287,6 +301,29 @@ double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *las
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm);
 
+/* A laser with the arc at an angle. The functions of a pose return exactly the values of those
+ * above and below, but take the sines and cosines of the arc's angle only once for many points.
+ * laser is not copied. position_mm, axis and normal (of the sheet at sweep angle 0) are in the rig
+ * frame, across = axis × normal in the frame of the arc. */
+struct rig_arc_pose {
+    struct rig_rotation turn;
+    struct rig_tilt {
+        struct vec3 axis;
+        double cosine, sine;
+    } tilt;
+    struct vec3 centre_mm;
+};
+struct rig_laser_pose {
+    const struct rig_laser *laser;
+    struct rig_arc_pose arc;
+    struct vec3 position_mm, axis, normal, across;
+};
+struct rig_laser_pose rig_laser_pose(const struct rig_arc *arc, const struct rig_laser *laser,
+                                     double arc_rad);
+struct rig_plane rig_laser_pose_sheet(const struct rig_laser_pose *pose, double sweep_rad);
+double rig_laser_pose_bent_rad(const struct rig_laser_pose *pose, struct vec3 point_mm);
+double rig_laser_pose_sweep_rad(const struct rig_laser_pose *pose, struct vec3 point_mm);
+
 /* Parameters of the errors of a laser's calibration near the sample. The displacement of the sheet
  * at a point, perpendicular to the sheet and towards larger sweep angles, is linear in these
  * parameters. The gradients are relative to the rig's origin. */
@@ -307,6 +344,9 @@ struct rig_sheet_errors {
  * parameter. */
 void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]);
+
+void rig_laser_pose_lever(const struct rig_laser_pose *pose, struct vec3 point_mm,
+                          double ret[RIG_SHEET_PARAMETERS]);
 
 /* Returns the standard deviation of the displacement, √(jᵀ C j) with the lever j. */
 double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,

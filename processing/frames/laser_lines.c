@@ -148,25 +148,49 @@ struct candidate {
     /* rad: sweep angle of the calibrated sheet through the pixel's point, minus the angle commanded
      * at the time of the pixel's peak */
     double off;
-    double along;  /* position along the line: tangent of the angle from the beam */
-    double weight; /* weight (Tukey's biweight) in the last fit */
+    double along; /* position along the line: tangent of the angle from the beam */
 };
 
 /* The line fit of one sweep. The candidates of frame k have the numbers first[k] … first[k + 1]
- * − 1. */
+ * − 1, in order of off. Arrays of the candidates are used instead of structs because compilers can
+ * vectorise loops over them. */
 struct search {
-    struct candidate *candidates;
+    double *off, *along; /* n: members of struct candidate */
+    double *value;       /* n: off − roll · along */
+    double *weight;      /* n: weight (Tukey's biweight) in the last fit */
+    double *buffer;      /* n */
     int n, n_frames, *first;
-    double *middle;  /* of each frame: robust mean of off; NAN if there are too few candidates */
+    double *middle;  /* of each frame: robust mean of value; NAN if there are too few candidates */
     double *error;   /* standard error of middle, rad */
     double scale;    /* robust standard deviation of a pixel's residual, rad */
     double per_mm;   /* rad per mm: mean derivative of off with respect to the plane's height */
     double range_mm; /* mean distance of the candidates' points from the axis of the sweep */
 };
 
-static int by_frame(const void *a, const void *b) {
+static int by_off(const void *a, const void *b) {
     const struct candidate *x = a, *y = b;
-    return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
+    return (x->off > y->off) - (x->off < y->off);
+}
+
+/* Sets first, off and along from candidates in any order. */
+static void sort_candidates(struct search *search, const struct candidate *candidates) {
+    g_autofree struct candidate *sorted = g_new0(struct candidate, search->n + 1);
+    g_autofree int *end = g_new0(int, search->n_frames);
+    for (int i = 0; i < search->n; i++)
+        search->first[candidates[i].frame + 1]++;
+    for (int k = 0; k < search->n_frames; k++) {
+        end[k] = search->first[k];
+        search->first[k + 1] += search->first[k];
+    }
+    for (int i = 0; i < search->n; i++)
+        sorted[end[candidates[i].frame]++] = candidates[i];
+    for (int k = 0; k < search->n_frames; k++)
+        qsort(sorted + search->first[k], (gsize)(end[k] - search->first[k]), sizeof *sorted,
+              by_off);
+    for (int i = 0; i < search->n; i++) {
+        search->off[i] = sorted[i].off;
+        search->along[i] = sorted[i].along;
+    }
 }
 
 /* Collects the candidates: pixels with a peak whose light was not blocked by the sample. off =
@@ -174,64 +198,74 @@ static int by_frame(const void *a, const void *b) {
  * pixel's point x. */
 static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
                     struct search *search) {
-    const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
-    const struct vec3 in_sample = rig_turn(source, -region->turntable_rad);
-    const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
+    const struct rig_laser_pose pose = rig_laser_pose(sweep->arc, sweep->laser, sweep->arc_rad);
+    const struct vec3 source = pose.position_mm, axis = pose.axis;
+    const struct rig_rotation back = rig_rotation(-region->turntable_rad);
+    const struct vec3 in_sample = rig_rotate(back, source);
+    g_autofree struct candidate *candidates = g_new0(struct candidate, region->pixels->len + 1);
     double per_mm = 0;
     for (guint i = 0; i < region->pixels->len; i++) {
         const struct pixel *pixel = &g_array_index(region->pixels, struct pixel, i);
         const float peak = sweep->peak[pixel->index];
         if (!(peak > 0) || !(peak < (float)(search->n_frames - 1)) ||
-            is_behind(&region->reference, rig_turn(pixel->at_mm, -region->turntable_rad),
-                      in_sample))
+            is_behind(&region->reference, rig_rotate(back, pixel->at_mm), in_sample))
             continue;
         const struct vec3 path = vec3_sub(pixel->at_mm, source);
         const double aside = vec3_dot(path, axis);
         const double range = sqrt(MAX(vec3_dot(path, path) - aside * aside, 1e-6));
-        const double at =
-            rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, pixel->at_mm);
-        const double above = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad,
-                                                 vec3_add(pixel->at_mm, pixel->per_mm));
-        search->candidates[search->n++] = (struct candidate){
-            (int)lroundf(peak), at - (sweep->from_rad + peak * sweep->step_rad), aside / range, 1};
+        const double at = rig_laser_pose_sweep_rad(&pose, pixel->at_mm);
+        const double above = rig_laser_pose_sweep_rad(&pose, vec3_add(pixel->at_mm, pixel->per_mm));
+        candidates[search->n++] = (struct candidate){
+            (int)lroundf(peak), at - (sweep->from_rad + peak * sweep->step_rad), aside / range};
         per_mm += above - at;
         search->range_mm += range;
     }
     search->per_mm = per_mm / MAX(search->n, 1);
     search->range_mm /= MAX(search->n, 1);
-    qsort(search->candidates, (gsize)search->n, sizeof *search->candidates, by_frame);
-    for (int i = 0, k = 0; k <= search->n_frames; k++) {
-        while (i < search->n && search->candidates[i].frame < k)
-            i++;
-        search->first[k] = i;
+    sort_candidates(search, candidates);
+}
+
+/* Sets value for a roll. */
+static void take_roll(struct search *search, double roll) {
+    for (int i = 0; i < search->n; i++)
+        search->value[i] = search->off[i] - roll * search->along[i];
+}
+
+/* Computes Tukey's biweight mean of n values: ROUNDS rounds that begin with their median. Returns
+ * NAN if the sum of the weights is too small. */
+static double biweight_mean(const double *value, double *weight, int n, double scale, double median,
+                            double *ret_weights) {
+    double middle = median, weights = n;
+    for (int round = 0; round < ROUNDS && scale > 0 && isfinite(middle); round++) {
+        double sum = 0;
+        weights = 0;
+        for (int i = 0; i < n; i++)
+            weight[i] = robust_biweight(value[i] - middle, scale);
+        for (int i = 0; i < n; i++) {
+            weights += weight[i];
+            sum += weight[i] * value[i];
+        }
+        middle = weights >= 0.5 * MIN_FRAME ? sum / weights : NAN;
     }
+    *ret_weights = weights;
+    return middle;
 }
 
 /* Computes the robust mean of off − roll·along over the candidates of each frame. Starts at the
  * median. If scale is known, ROUNDS rounds of Tukey's biweight mean follow. The standard error is
  * scale / √Σw. The mean is NAN if a frame has too few candidates. */
 static void fit_frames(struct search *search, double roll) {
-    g_autofree double *off = g_new(double, search->n + 1);
+    take_roll(search, roll);
     for (int frame = 0; frame < search->n_frames; frame++) {
         const int from = search->first[frame], n = search->first[frame + 1] - from;
-        struct candidate *candidates = search->candidates + from;
+        const double *value = search->value + from;
         search->middle[frame] = NAN;
         if (n < MIN_FRAME)
             continue;
-        for (int i = 0; i < n; i++)
-            off[i] = candidates[i].off - roll * candidates[i].along;
-        double middle = robust_median(off, n), weights = n;
-        for (int round = 0; round < ROUNDS && search->scale > 0 && isfinite(middle); round++) {
-            double sum = 0;
-            weights = 0;
-            for (int i = 0; i < n; i++) {
-                const double value = candidates[i].off - roll * candidates[i].along;
-                candidates[i].weight = robust_biweight(value - middle, search->scale);
-                weights += candidates[i].weight;
-                sum += candidates[i].weight * value;
-            }
-            middle = weights >= 0.5 * MIN_FRAME ? sum / weights : NAN;
-        }
+        memcpy(search->buffer, value, sizeof *value * (gsize)n);
+        double weights;
+        const double middle = biweight_mean(value, search->weight + from, n, search->scale,
+                                            robust_median(search->buffer, n), &weights);
         if (!isfinite(middle))
             continue;
         search->middle[frame] = middle;
@@ -241,14 +275,15 @@ static void fit_frames(struct search *search, double roll) {
 
 /* Sets scale to the robust standard deviation of the residuals off − roll·along − middle[frame]. */
 static void measure_scale(struct search *search, double roll) {
-    g_autofree double *off = g_new(double, search->n + 1);
     int n = 0;
-    for (int i = 0; i < search->n; i++) {
-        const struct candidate *c = &search->candidates[i];
-        if (isfinite(search->middle[c->frame]))
-            off[n++] = c->off - roll * c->along - search->middle[c->frame];
+    take_roll(search, roll);
+    for (int k = 0; k < search->n_frames; k++) {
+        if (!isfinite(search->middle[k]))
+            continue;
+        for (int i = search->first[k]; i < search->first[k + 1]; i++)
+            search->buffer[n++] = search->value[i] - search->middle[k];
     }
-    search->scale = n > 0 ? MAX(robust_spread(off, n, 0), 1e-9) : 0;
+    search->scale = n > 0 ? MAX(robust_spread(search->buffer, n, 0), 1e-9) : 0;
 }
 
 /* Fits the roll, the slope that the lines of all frames have in common, with one intercept for
@@ -257,22 +292,27 @@ static void measure_scale(struct search *search, double roll) {
  * with a: along, o: off, bars: weighted means in frame k, w: biweight of the residual. Returns
  * FALSE if the roll cannot be determined. */
 static gboolean fit_roll(struct search *search, double *roll, double *ret_error) {
+    const double *off = search->off, *along = search->along;
     double product = 0, square = 0;
+    take_roll(search, *roll);
     for (int k = 0; k < search->n_frames; k++) {
-        double weights = 0, off = 0, along = 0;
-        for (int i = search->first[k]; i < search->first[k + 1]; i++) {
-            struct candidate *c = &search->candidates[i];
-            const double residual = c->off - *roll * c->along - search->middle[k];
-            c->weight = isfinite(residual) ? robust_biweight(residual, search->scale) : 0;
-            weights += c->weight;
-            off += c->weight * c->off;
-            along += c->weight * c->along;
+        const int first = search->first[k], last = search->first[k + 1];
+        const double middle = search->middle[k];
+        double weights = 0, off_sum = 0, along_sum = 0;
+        if (!isfinite(middle))
+            continue;
+        for (int i = first; i < last; i++)
+            search->weight[i] = robust_biweight(search->value[i] - middle, search->scale);
+        for (int i = first; i < last; i++) {
+            const double w = search->weight[i];
+            weights += w;
+            off_sum += w * off[i];
+            along_sum += w * along[i];
         }
-        for (int i = search->first[k]; weights > 0 && i < search->first[k + 1]; i++) {
-            const struct candidate *c = &search->candidates[i];
-            const double from_mean = c->along - along / weights;
-            product += c->weight * from_mean * (c->off - off / weights);
-            square += c->weight * from_mean * from_mean;
+        for (int i = first; weights > 0 && i < last; i++) {
+            const double from_mean = along[i] - along_sum / weights;
+            product += search->weight[i] * from_mean * (off[i] - off_sum / weights);
+            square += search->weight[i] * from_mean * from_mean;
         }
     }
     if (!(square > 1e-9))
@@ -349,7 +389,11 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
                                       hypot(known->roll_rad, MIN_KNOWN_RAD)};
     struct search search = {.n_frames = n_frames};
     *ret = (struct laser_lines){.n_frames = n_frames};
-    search.candidates = g_new(struct candidate, region->pixels->len + 1);
+    g_autofree double *arrays = g_new(double, 5 * ((gsize)region->pixels->len + 1));
+    double **const of[] = {&search.off, &search.along, &search.value, &search.weight,
+                           &search.buffer};
+    for (gsize i = 0; i < G_N_ELEMENTS(of); i++)
+        *of[i] = arrays + i * ((gsize)region->pixels->len + 1);
     search.first = g_new0(int, n_frames + 1);
     search.middle = g_new(double, n_frames);
     search.error = g_new0(double, n_frames);
@@ -364,7 +408,6 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
         combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm, ret);
         ret->scatter_mm = search.scale * search.range_mm;
     }
-    g_free(search.candidates);
     g_free(search.first);
     g_free(search.middle);
     g_free(search.error);
@@ -374,26 +417,34 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
-/* Returns the plane of light at a fractional frame index, from calibration and lines. The sheet's
- * bend is ignored. more_rad is added to the sweep's angle. */
-static struct rig_plane sheet_at(const struct laser_lines *lines, const struct laser_sweep *sweep,
-                                 double frame, double more_rad) {
-    const gboolean has = lines && lines->turn_rad;
-    double sweep_rad = sweep->from_rad + frame * sweep->step_rad + more_rad;
-    if (has) { /* linear interpolation between frames */
-        const double at = CLAMP(frame, 0, lines->n_frames - 1);
-        const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
-        const double a = lines->turn_rad[k], b = lines->turn_rad[MIN(k + 1, lines->n_frames - 1)];
-        sweep_rad += a + (b - a) * (at - k);
-    }
-    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
-    if (!has || lines->roll_rad == 0)
+struct laser_sheets laser_lines_sheets(const struct laser_sweep *sweep) {
+    const double roll_rad = sweep->lines ? sweep->lines->roll_rad : 0;
+    return (struct laser_sheets){sweep, rig_laser_pose(sweep->arc, sweep->laser, sweep->arc_rad),
+                                 rig_rotation(roll_rad)};
+}
+
+/* Returns the correction of the sweep angle at a fractional frame index, interpolated linearly
+ * between frames. */
+static double turn_at(const struct laser_lines *lines, double frame) {
+    if (!lines || !lines->turn_rad)
+        return 0;
+    const double at = CLAMP(frame, 0, lines->n_frames - 1);
+    const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
+    const double a = lines->turn_rad[k], b = lines->turn_rad[MIN(k + 1, lines->n_frames - 1)];
+    return a + (b - a) * (at - k);
+}
+
+/* Returns the plane of light at a sweep angle. The sheet's bend is ignored. */
+static struct rig_plane sheet_at(const struct laser_sheets *sheets, double sweep_rad) {
+    const struct laser_lines *lines = sheets->sweep->lines;
+    struct rig_plane sheet = rig_laser_pose_sheet(&sheets->pose, sweep_rad);
+    if (!lines || !lines->turn_rad || lines->roll_rad == 0)
         return sheet;
     /* With a positive roll, the sheet meets points with a larger coordinate along the axis at a
      * larger sweep angle. */
     const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
-    sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
-                                      vec3_scale(aside, sin(lines->roll_rad))));
+    sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, sheets->roll.cosine),
+                                      vec3_scale(aside, sheets->roll.sine)));
     sheet.offset_mm = vec3_dot(sheet.normal, lines->source_mm);
     return sheet;
 }
@@ -401,18 +452,20 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
 /* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, each round
  * turns the plane by the bend at the point that the previous round found. The rounds converge fast,
  * because along a ray the bend changes by only some hundredths of a radian per radian. */
-double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
+double laser_lines_range_mm(const struct laser_sheets *sheets, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine) {
-    const int rounds = sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;
+    const int rounds = sheets->sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;
+    const double sweep_rad = sheets->sweep->from_rad + frame * sheets->sweep->step_rad;
+    const double turn_rad = turn_at(sheets->sweep->lines, frame);
     double range_mm = NAN, more_rad = 0;
     for (int round = 0; round < rounds; round++) {
-        const struct rig_plane sheet = sheet_at(sweep->lines, sweep, frame, more_rad);
+        const struct rig_plane sheet = sheet_at(sheets, sweep_rad + more_rad + turn_rad);
         const double sine = vec3_dot(sheet.normal, ray);
         if (!(fabs(sine) > least_sine))
             return NAN;
         range_mm = (sheet.offset_mm - vec3_dot(sheet.normal, eye_mm)) / sine;
-        more_rad = rig_laser_bent_rad(sweep->arc, sweep->laser, sweep->arc_rad,
-                                      vec3_add(eye_mm, vec3_scale(ray, range_mm)));
+        more_rad =
+            rig_laser_pose_bent_rad(&sheets->pose, vec3_add(eye_mm, vec3_scale(ray, range_mm)));
     }
     return range_mm;
 }

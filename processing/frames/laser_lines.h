@@ -89,8 +89,17 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
+/* The sheets of light of a sweep, prepared for many points. They are bent and follow from the
+ * calibration and from sweep->lines. sweep, its laser and its lines are not copied. */
+struct laser_sheets {
+    const struct laser_sweep *sweep;
+    struct rig_laser_pose pose;
+    struct rig_rotation roll;
+};
+struct laser_sheets laser_lines_sheets(const struct laser_sweep *sweep);
+
 /* Returns the distance from eye_mm along a ray (a unit vector) to the sheet of light at a
- * fractional frame index. The sheet is bent and follows from the calibration and from sweep->lines.
- * Returns NAN if the sine of the angle between ray and sheet is at most least_sine. */
-double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
+ * fractional frame index. Returns NAN if the sine of the angle between ray and sheet is at most
+ * least_sine. */
+double laser_lines_range_mm(const struct laser_sheets *sheets, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine);

@@ -19,11 +19,12 @@ struct vec3 rectify_point_mm(const struct session_grid *grid, double column, dou
 void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                         double turntable_rad, const struct session_grid *grid,
                         float *ret_irradiance) {
+    const struct rig_lamp placed = rig_lamp_placed(arc, lamp, arc_rad);
+    const struct rig_rotation turn = rig_rotation(turntable_rad);
     for (int row = 0; row < grid->height; row++)
         for (int column = 0; column < grid->width; column++) {
-            struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
-            *ret_irradiance++ =
-                (float)rig_lamp_irradiance(arc, lamp, arc_rad, rig_turn(p, turntable_rad));
+            const struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
+            *ret_irradiance++ = (float)rig_lamp_irradiance(NULL, &placed, 0, rig_rotate(turn, p));
         }
 }
 

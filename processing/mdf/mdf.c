@@ -61,9 +61,8 @@ struct known {
     /* identifies the laser; all sweeps of a laser have the same errors */
     const struct rig_laser *laser;
     struct rig_laser copy;
-    struct rig_arc arc;
-    gboolean has_arc, has_errors;
-    double arc_rad;
+    struct rig_laser_pose pose; /* of copy */
+    gboolean has_errors;
     struct rig_sheet_errors errors;
 };
 
@@ -228,7 +227,7 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
  * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the
  * intersection is grazing, if the point is higher still, or if it is below the structure by more
  * than BELOW. */
-static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
+static float intersect(const MdfView *view, const struct laser_sheets *sheets, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
@@ -236,7 +235,7 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
     struct vec3 ray = vec3(r[0], r[1], r[2]);
     if (!(ray.z < 0))
         return -1;
-    double range = laser_lines_range_mm(sweep, peak, view->centre_mm, ray, MIN_ANGLE);
+    double range = laser_lines_range_mm(sheets, peak, view->centre_mm, ray, MIN_ANGLE);
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     if (height >= ABOVE * height_mm && height < MAX(view->grid.width_mm, view->grid.height_mm))
         return OVER;
@@ -259,12 +258,13 @@ static int phase_of(int x, int y) {
 /* Intersects the rays of all pixels with the sheets of their peaks (pixel_mm), and finds the
  * live phases. */
 static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep, double height_mm) {
+    const struct laser_sheets sheets = laser_lines_sheets(sweep);
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
     for (gsize i = 0; i < (gsize)width * (gsize)view->camera.height; i++) {
-        view->pixel_mm[0][i] = intersect(view, sweep, height_mm, sweep->peak[i], i);
+        view->pixel_mm[0][i] = intersect(view, &sheets, height_mm, sweep->peak[i], i);
         if (sweep->second_peak)
-            view->pixel_mm[1][i] = intersect(view, sweep, height_mm, sweep->second_peak[i], i);
+            view->pixel_mm[1][i] = intersect(view, &sheets, height_mm, sweep->second_peak[i], i);
         seen[phase_of((int)i % width, (int)i / width)] += view->pixel_mm[0][i] >= 0;
     }
     for (int k = 0; k < 4; k++)
@@ -433,13 +433,9 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
  * alone if the line contradicts the calibration. */
 static void take_known(struct known *known, const struct laser_sweep *sweep) {
     const struct laser_lines *lines = sweep->lines;
-    *known = (struct known){.laser = sweep->laser,
-                            .copy = *sweep->laser,
-                            .has_arc = sweep->arc != NULL,
-                            .has_errors = sweep->errors != NULL,
-                            .arc_rad = sweep->arc_rad};
-    if (sweep->arc)
-        known->arc = *sweep->arc;
+    *known = (struct known){
+        .laser = sweep->laser, .copy = *sweep->laser, .has_errors = sweep->errors != NULL};
+    known->pose = rig_laser_pose(sweep->arc, &known->copy, sweep->arc_rad);
     if (!sweep->errors)
         return;
     known->errors = *sweep->errors;
@@ -668,12 +664,10 @@ static struct known_share share_known(const MdfView *view, int texel,
         weights += samples[i].weight;
     for (int i = 0; i < n; i++) {
         const struct known *known = &view->known[samples[i].sweep];
-        const struct rig_arc *arc = known->has_arc ? &known->arc : NULL;
         const double w = samples[i].weight / weights;
-        const double sweep_rad = rig_laser_sweep_rad(arc, &known->copy, known->arc_rad, point) +
-                                 rig_laser_bent_rad(arc, &known->copy, known->arc_rad, point);
-        const struct vec3 normal =
-            rig_laser_sheet(arc, &known->copy, known->arc_rad, sweep_rad).normal;
+        const double sweep_rad = rig_laser_pose_sweep_rad(&known->pose, point) +
+                                 rig_laser_pose_bent_rad(&known->pose, point);
+        const struct vec3 normal = rig_laser_pose_sheet(&known->pose, sweep_rad).normal;
         const double sine = vec3_dot(normal, ray), apart = vec3_dot(normal, from_eye);
         double lever[RIG_SHEET_PARAMETERS];
         int k = 0;
@@ -691,7 +685,7 @@ static struct known_share share_known(const MdfView *view, int texel,
             continue;
         n_lasers = MAX(n_lasers, k + 1);
         lasers[k].known = known;
-        rig_laser_sheet_lever(arc, &known->copy, known->arc_rad, point, lever);
+        rig_laser_pose_lever(&known->pose, point, lever);
         for (int j = 0; j < RIG_SHEET_PARAMETERS; j++)
             lasers[k].lever[j] += w * lever[j] / sine;
     }

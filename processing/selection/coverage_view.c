@@ -115,14 +115,14 @@ static void phases(const struct exr_part *part, const float *peak, gboolean ret_
 /* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns
  * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is farther outside of
  * the sample's volume than OUTSIDE_SHARE. */
-static float distance(const CoverageView *view, const struct laser_sweep *sweep,
+static float distance(const CoverageView *view, const struct laser_sheets *sheets,
                       const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const struct vec3 ray = sample->ray[k];
     if (!(ray.z < 0))
         return -1;
-    const double range = laser_lines_range_mm(sweep, (double)peak, view->centre_mm, ray, MIN_SINE);
+    const double range = laser_lines_range_mm(sheets, (double)peak, view->centre_mm, ray, MIN_SINE);
     const double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     const double outside_mm = OUTSIDE_SHARE * view->texel_mm;
     if (!(height < outside_mm) || !(height > -view->grid.depth_mm - outside_mm))
@@ -155,6 +155,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
                                   .arc_rad = RAD(shot->arc_deg),
                                   .from_rad = from_rad,
                                   .step_rad = (to_rad - from_rad) / (shot->sweep_steps - 1)};
+    const struct laser_sheets sheets = laser_lines_sheets(&s);
     const float *peaks[2] = {exr_part_plane(part, "peak"), exr_part_plane(part, "second_peak")};
     gboolean live[4];
     phases(part, peaks[0], live);
@@ -167,7 +168,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
         const gsize pixel =
             (gsize)(sample->y + (k >> 1)) * (gsize)part->width + (gsize)(sample->x + (k & 1));
         for (int rank = 0; rank < 2; rank++)
-            seen[i].mm[rank] = distance(view, &s, sample, k, peaks[rank][pixel]);
+            seen[i].mm[rank] = distance(view, &sheets, sample, k, peaks[rank][pixel]);
     }
     view->frame_mm[sweep] = coverage_view_frame_mm(view, &s);
     g_free(view->seen[sweep]);

@@ -331,14 +331,16 @@ TEST(nothing) {
     find(sweep, &hole, &well);
     g_assert_null(lines->turn_rad);
     const struct vec3 eye_mm = vec3(30, -20, 600), down = vec3(0, 0, -1);
-    const double calibrated_mm = laser_lines_range_mm(&seen, 7.5, eye_mm, down, 0.01);
+    struct laser_sheets sheets = laser_lines_sheets(&seen);
+    const double calibrated_mm = laser_lines_range_mm(&sheets, 7.5, eye_mm, down, 0.01);
     const struct rig_plane sheet =
         rig_laser_sheet(NULL, &rig.lasers[0], sweep->arc, (from_deg + 7.5 * step_deg) * DEGREE);
     g_assert_cmpfloat_with_epsilon(
         calibrated_mm,
         (sheet.offset_mm - vec3_dot(sheet.normal, eye_mm)) / vec3_dot(sheet.normal, down), 1e-9);
     seen.lines = lines;
-    g_assert_cmpfloat(laser_lines_range_mm(&seen, 7.5, eye_mm, down, 0.01), ==, calibrated_mm);
+    sheets = laser_lines_sheets(&seen);
+    g_assert_cmpfloat(laser_lines_range_mm(&sheets, 7.5, eye_mm, down, 0.01), ==, calibrated_mm);
     for (guint k = 0; k < G_N_ELEMENTS(bad); k++) {
         for (int i = 0; i < N_PIXELS; i++)
             sweep->peak[i] = bad[k];
