@@ -437,11 +437,12 @@ static exr_result_t read_chunk(struct source *source, int index, struct unpack *
     return source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
 }
 
-/* Allocates the planes. Pixels that the file does not hold are NaN. */
+/* Allocates the planes. Pixels that the file does not hold are NaN. read_pixels() sets the others.
+ */
 static gboolean new_planes(struct source *source, struct exr_part *part, GError **error) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     for (int c = 0; c < part->n_channels; c++) {
-        part->planes[c] = g_try_malloc0_n(n, sizeof(float));
+        part->planes[c] = g_try_malloc_n(n, sizeof(float));
         if (!part->planes[c])
             return fail(source, EXR_ERROR_TOO_LARGE, error,
                         "there is not enough memory for part \"%s\"; close other programs, or use "
