@@ -84,6 +84,9 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 
+/* Returns how the files of views with this number of texels are compressed. */
+enum exr_compression btf_compression(const struct session_grid *grid);
+
 /* Number of texels, and number of texels with each flag, summed over parts. */
 struct btf_flag_counts {
     gint64 texels, holes, bounds, shorter, predicted;

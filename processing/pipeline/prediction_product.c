@@ -286,7 +286,7 @@ static gboolean product_write(const struct product_job *job, const struct produc
             exr_file_add(made, part);
         file->parts->pdata[l] = view->slots[l] >= 0 ? part : NULL;
     }
-    return file && exr_write(view->path, made, EXR_PIZ, TRUE, error);
+    return file && exr_write(view->path, made, btf_compression(&job->catalogue->grid), TRUE, error);
 }
 
 static gboolean product_set(Session *session, const char *key, double value, GError **error) {
