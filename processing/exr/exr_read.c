@@ -19,6 +19,8 @@
  * allocated. */
 #define MAX_EXPANSION 1100
 
+#define WINDOW (1 << 16) /* bytes that are read from a file at a time */
+
 static _Thread_local struct {
     ExrWatch watch;
     gpointer data;
@@ -35,6 +37,10 @@ struct source {
     gboolean cancelled, failed;
     gboolean placed; /* TRUE for exr_read_picture(): the part gets the size of its display window */
     struct exr_scratch scratch;
+    /* the bytes of the file from window_at to window_at + window_bytes */
+    guint8 *window;
+    guint64 window_at;
+    gsize window_bytes;
 };
 
 void exr_watch(ExrWatch watch, gpointer data) {
@@ -78,6 +84,23 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
                 "not a valid EXR file: %s; copy the file again or make it again", what);
 }
 
+/* Reads the window at an offset. Returns FALSE at the end of the file and on errors. */
+static gboolean fill_window(struct source *source, guint64 offset) {
+    gssize n;
+
+    if (!source->window)
+        source->window = g_malloc(WINDOW);
+    do
+        n = pread(source->fd, source->window, WINDOW, (off_t)offset);
+    while (n < 0 && errno == EINTR);
+    source->failed |= n < 0;
+    source->window_at = offset;
+    source->window_bytes = n > 0 ? (gsize)n : 0;
+    return n > 0;
+}
+
+/* Copies bytes from the window. OpenEXRCore reads a file line by line if it is not compressed, and
+ * the window saves most calls of the system. */
 static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,
                            uint64_t offset, exr_stream_error_func_ptr_t error_cb) {
     struct source *source = data;
@@ -96,14 +119,15 @@ static int64_t source_read(exr_const_context_t context, void *data, void *buffer
     if (source->cancelled)
         return 0;
     while (done < size) {
-        gssize n = pread(source->fd, (guint8 *)buffer + done, size - done, (off_t)(offset + done));
+        const guint64 at = offset + done;
 
-        if (n < 0 && errno == EINTR)
-            continue;
-        source->failed |= n < 0;
-        if (n <= 0)
+        if ((at < source->window_at || at >= source->window_at + source->window_bytes) &&
+            !fill_window(source, at))
             break;
-        done += (gsize)n;
+        const gsize from = (gsize)(at - source->window_at);
+        const gsize n = MIN(size - done, source->window_bytes - from);
+        memcpy((guint8 *)buffer + done, source->window + from, n);
+        done += n;
     }
     return (int64_t)done;
 }
@@ -125,6 +149,7 @@ static void source_close(struct source *source) {
     if (source->fd >= 0)
         close(source->fd);
     exr_scratch_clear(&source->scratch);
+    g_free(source->window);
 }
 
 /* Opens a file. Only regular files are opened; FIFOs and devices are refused. The library keeps a

@@ -60,7 +60,7 @@ struct footprint {
 };
 
 /* Projects the sample points of a texel. Returns FALSE if any point lies outside of the picture. */
-static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
+static gboolean project_texel(const struct rig_camera *camera, struct rig_rotation turn,
                               const struct session_grid *grid, int column, int row, int side,
                               struct footprint *ret) {
     ret->n = 0;
@@ -69,7 +69,7 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
             struct vec3 p =
                 rectify_point_mm(grid, column + (i + 0.5) / side, row + (j + 0.5) / side);
             double *x = &ret->x[ret->n], *y = &ret->y[ret->n++];
-            if (!rig_project(camera, rig_turn(p, turntable_rad), x, y) ||
+            if (!rig_project(camera, rig_rotate(turn, p), x, y) ||
                 !(*x >= 0 && *y >= 0 && *x <= camera->width - 1 && *y <= camera->height - 1))
                 return FALSE;
         }
@@ -286,21 +286,19 @@ static struct sights sights_of(const Rectify *rectify, const struct rig_camera *
  * colour. If the sum of the weights is therefore below MIN_WEIGHT, all pixels are weighted as if
  * they were green. Returns FALSE if the texel lies outside of the picture. */
 static gboolean weigh_texel(const Rectify *rectify, const struct sights *sights,
-                            double turntable_rad, const struct session_grid *grid, int column,
+                            struct rig_rotation turn, const struct session_grid *grid, int column,
                             int row, int side, struct footprint *footprint,
                             struct weights *weights) {
     gboolean inside = TRUE;
     for (int k = 0; inside && k < sights->n; k++) {
-        inside =
-            project_texel(&sights->camera[k], turntable_rad, grid, column, row, side, footprint);
+        inside = project_texel(&sights->camera[k], turn, grid, column, row, side, footprint);
         if (inside)
             weigh_pixels(rectify, footprint, sights->colour[k], weights);
     }
     const float sum = inside && sights->n > 1 ? sum_weights(weights) : 1;
     if (sum < MIN_WEIGHT) {
         scale_weights(weights, 0);
-        project_texel(&sights->camera[DEMOSAIC_GREEN], turntable_rad, grid, column, row, side,
-                      footprint);
+        project_texel(&sights->camera[DEMOSAIC_GREEN], turn, grid, column, row, side, footprint);
         weigh_pixels(rectify, footprint, ANY, weights);
     } else if (!inside || sights->n > 1) {
         scale_weights(weights, inside ? 1 / sum : 0);
@@ -324,6 +322,7 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     struct footprint footprint = {x, y, 0};
     struct weights weights = {sum, touched, pixels};
     const struct sights sights = sights_of(rectify, camera);
+    const struct rig_rotation turn = rig_rotation(turntable_rad);
     /* The factor from DN/ms to radiance is 1000 / (response · flat field). Colour gains are applied
      * later, to the texels. */
     for (gsize i = 0; i < n; i++)
@@ -333,13 +332,12 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     for (int i = 0; i < rectify->n_texels; i++) {
         const int texel = texels ? texels[i] : i;
         const int column = texel % grid->width, row = texel / grid->width;
-        const gboolean inside = weigh_texel(rectify, &sights, turntable_rad, grid, column, row,
-                                            side, &footprint, &weights);
+        const gboolean inside =
+            weigh_texel(rectify, &sights, turn, grid, column, row, side, &footprint, &weights);
         rectify->n_outside += !inside;
         append_row(rectify, &rectify->area, i, &weights, gain);
         for (int k = 0; inside && !rectify->mono && k < sights.n; k++)
-            if (project_texel(&sights.camera[k], turntable_rad, grid, column, row, coarse,
-                              &footprint))
+            if (project_texel(&sights.camera[k], turn, grid, column, row, coarse, &footprint))
                 weigh_around(rectify, &footprint, sights.colour[k], &weights);
         append_row(rectify, &rectify->around, i, &weights, NULL);
         balance(rectify, i);

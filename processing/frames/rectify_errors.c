@@ -16,12 +16,14 @@ static const struct window *widen(const Rectify *rectify, int texel, float *ret_
     window = window->n_rows > 0 ? window : area;
     const int columns = window->n_wide * LANES;
     memset(ret_area, 0, sizeof(float) * window->n_rows * (gsize)columns);
-    for (int y = 0; y < area->n_rows; y++)
-        for (int x = 0; x < area->n_wide * LANES; x++, weight++) {
-            const int column = area->x + x - window->x, row = area->y + y - window->y;
-            if (*weight != 0 && column >= 0 && column < columns && row >= 0 && row < window->n_rows)
-                ret_area[row * columns + column] = *weight;
-        }
+    /* Only zeros of the area's window may lie outside of the other window. */
+    const int left = MAX(area->x, window->x);
+    const int right = MIN(area->x + area->n_wide * LANES, window->x + columns);
+    for (int y = MAX(area->y, window->y);
+         y < MIN(area->y + area->n_rows, window->y + window->n_rows) && left < right; y++)
+        memcpy(ret_area + (y - window->y) * columns + left - window->x,
+               weight + (y - area->y) * area->n_wide * LANES + left - area->x,
+               sizeof(float) * (gsize)(right - left));
     return window;
 }
 
@@ -136,12 +138,30 @@ float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     return ret;
 }
 
+/* For pixels of even and of odd rows, and each colour: 1 for pixels of this colour, otherwise 0;
+ * and the reverse. */
+struct rectify_pattern {
+    wide own[2][3], others[2][3];
+};
+
+static inline __attribute__((always_inline)) void find_pattern(const Rectify *rectify,
+                                                               struct rectify_pattern *ret) {
+    for (int row = 0; row < 2; row++)
+        for (int c = 0; c < 3; c++)
+            for (int lane = 0; lane < LANES; lane++) {
+                const gboolean own = rectify->phase[2 * row + lane % 2] == c;
+                ret->own[row][c][lane] = own;
+                ret->others[row][c][lane] = !own;
+            }
+}
+
 /* A frame in the form that the errors need. values and variances are padded planes. colours are
  * three padded planes: the value of a pixel in its own colour, and value times ratio in other
  * colours. vary is from rectify_find_vary(). */
 struct rectify_frame {
     const float *values, *variances, *colours, *ratio, *vary;
     const struct rectify_slopes *slopes;
+    const struct rectify_pattern *pattern;
 };
 
 /* Computes noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area has room for the weights of one texel.
@@ -159,13 +179,11 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
     wide sum[3] = {{0}};
     for (int y = window->y; y < window->y + window->n_rows; y++) {
         const gsize at = (gsize)y * rectify->stride + window->x;
-        const int *phase = &rectify->phase[2 * (y & 1)];
         for (gsize x = at; x < at + window->n_wide * LANES; x += LANES) {
             const wide w = *(const wide *)weight, a = *(const wide *)around;
             const wide variance = *(const wide *)(frame->variances + x);
             for (int c = 0; c < 3; c++) {
-                const float even = phase[0] == c, odd = phase[1] == c;
-                const wide own = {even, odd, even, odd, even, odd, even, odd};
+                const wide own = frame->pattern->own[y & 1][c];
                 const wide r = *(const wide *)(frame->ratio + (gsize)c * plane + x);
                 const wide slope = own * (w + slopes->own[c] * a) +
                                    slopes->excess[c] * r * (w - slopes->other[c] * a);
@@ -243,24 +261,28 @@ rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame 
     const int columns = window->n_wide * LANES;
     struct rectify_sums sums[3] = {{{0}}};
     float rows[3] = {0}, total[3] = {0};
+    /* factors of pixels of even and odd rows (see rectify_add_structure()) */
+    wide here[2][3], aside[2][3];
+    for (int row = 0; row < 2; row++)
+        for (int c = 0; c < 3; c++) {
+            const float k = slopes->excess[c];
+            const float e = rectify->phase[2 * row] == c ? 1 : k;
+            const float o = rectify->phase[2 * row + 1] == c ? 1 : k;
+            here[row][c] = (wide){e, o, e, o, e, o, e, o};
+            aside[row][c] = (wide){o, e, o, e, o, e, o, e};
+        }
     memset(down, 0, sizeof(float) * 3 * (gsize)columns);
     for (int y = window->y; y < window->y + window->n_rows; y++, weight += columns) {
-        const int *const here = &rectify->phase[2 * (y & 1)];
-        const int *const next = &rectify->phase[2 * (~y & 1)];
+        const int odd = y & 1;
         wide row[3] = {{0}};
         if (y == 0 || y == rectify->height - 1)
             continue;
         for (int x = 0; x < columns; x += LANES) {
             const float *p = frame->colours + (gsize)y * stride + window->x + (gsize)x;
             for (int c = 0; c < 3; c++) {
-                const float k = slopes->excess[c];
-                const float e = here[0] == c ? 1 : k, o = here[1] == c ? 1 : k;
-                const float f = next[0] == c ? 1 : k, q = next[1] == c ? 1 : k;
-                const float g = here[0] != c, h = here[1] != c;
-                const wide even = {e, o, e, o, e, o, e, o}, odd = {o, e, o, e, o, e, o, e};
-                const wide below = {f, q, f, q, f, q, f, q}, other = {g, h, g, h, g, h, g, h};
                 wide u;
-                rectify_add_structure(p + (gsize)c * plane, stride, even, odd, below, other,
+                rectify_add_structure(p + (gsize)c * plane, stride, here[odd][c], aside[odd][c],
+                                      here[!odd][c], frame->pattern->others[odd][c],
                                       *(const wide *)(weight + x), &sums[c], &u);
                 *(wide *)(down + c * columns + x) += u;
                 row[c] += u;
@@ -291,6 +313,15 @@ rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame 
     }
 }
 
+/* Sets ret to values · ratio, or to the values where the ratio is 0. */
+static inline __attribute__((always_inline)) void
+multiply(const float *restrict values, const float *restrict ratio, gsize n, float *restrict ret) {
+    for (gsize i = 0; i < n; i++) {
+        const float factor = ratio[i];
+        ret[i] = values[i] * (factor > 0 ? factor : 1);
+    }
+}
+
 static inline __attribute__((always_inline)) void
 rectify_do_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                   float *ret_noise, float *ret_detail, float *ret_shift) {
@@ -302,13 +333,13 @@ rectify_do_errors(const Rectify *rectify, const float *mosaic, const float *pixe
     g_autofree struct rectify_slopes *slopes = g_new(struct rectify_slopes, rectify->n_texels);
     g_autofree float *found_vary = rectify->ratio ? NULL : rectify_find_vary(rectify, ratio);
     const float *vary = rectify->ratio ? rectify->vary : found_vary;
-    const struct rectify_frame frame = {values, variances, colours, ratio, vary, slopes};
+    struct rectify_pattern pattern;
+    const struct rectify_frame frame = {values, variances, colours, ratio, vary, slopes, &pattern};
+    find_pattern(rectify, &pattern);
     rectify_pad(rectify, mosaic, values);
     rectify_pad(rectify, pixels, variances);
     for (gsize c = 0; c < 3; c++)
-        for (gsize i = 0; i < plane; i++)
-            colours[c * plane + i] =
-                values[i] * (ratio[c * plane + i] > 0 ? ratio[c * plane + i] : 1);
+        multiply(values, ratio + c * plane, plane, colours + c * plane);
     guint most = 0;
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *a = &rectify->area.window[texel], *b = &rectify->around.window[texel];
