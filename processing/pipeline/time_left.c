@@ -33,13 +33,13 @@ gboolean time_left_rates_load(struct time_left_rates *ret) {
     /* Rates of one core of an AMD EPYC with other work on its neighbours, for the demo's session,
      * as printed by the first run of tests/bench/time_left --cpu. Only their ratios matter, because
      * the first views of a run show how much faster or slower its processor is. */
-    *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.105,
-                                               [TIME_LEFT_MDF] = 0.59,
-                                               [TIME_LEFT_SETTLE] = 0.028,
-                                               [TIME_LEFT_MDF_FILE] = 0.72,
-                                               [TIME_LEFT_COLUMNS] = 0.125,
-                                               [TIME_LEFT_FACTORS] = 0.04,
-                                               [TIME_LEFT_CAUSES] = 0.0021}};
+    *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.09,
+                                               [TIME_LEFT_MDF] = 0.174,
+                                               [TIME_LEFT_SETTLE] = 0.018,
+                                               [TIME_LEFT_MDF_FILE] = 0.66,
+                                               [TIME_LEFT_COLUMNS] = 0.016,
+                                               [TIME_LEFT_FACTORS] = 0.036,
+                                               [TIME_LEFT_CAUSES] = 0.0018}};
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autofree char *path = rates_path();
     if (!g_key_file_load_from_file(file, path, G_KEY_FILE_NONE, NULL))

@@ -2,15 +2,16 @@
  * How fast frames are processed. Each figure stands next to its limit, or next to another program
  * in the same run: space-time analysis of laser frames against memcpy and NumPy; rectification
  * against decoding and OpenCV; eight cameras' frames analysed as they come (--live), and stored
- * (--store). Peers are in peers/, and what they need in packages.txt.
+ * (--store); `mesorig process` against reading, decoding and rectifying (--processing). Peers are
+ * in peers/, and what they need in packages.txt.
  */
 #include "bench.h"
 #include "speed_parts.h"
 
 static gboolean no_sweep, no_rectify;
 static double live_s, store_s;
-static char *folder;
-static int queue_mib, memory_views;
+static char *folder, *session;
+static int queue_mib, memory_views, processing_texels;
 
 static const GOptionEntry entries[] = {
     {"no-sweep", 0, 0, G_OPTION_ARG_NONE, &no_sweep, "Leave space-time analysis out", NULL},
@@ -20,6 +21,9 @@ static const GOptionEntry entries[] = {
     {"queue", 0, 0, G_OPTION_ARG_INT, &queue_mib, "Frames that may wait (as in the daemon)", "MIB"},
     {"memory", 0, 0, G_OPTION_ARG_INT, &memory_views,
      "Process so many views of 256² texels and 96 lights, and say what memory it took", "VIEWS"},
+    {"processing", 0, 0, G_OPTION_ARG_INT, &processing_texels,
+     "Process a session of so many texels across, and compare with the limit", "TEXELS"},
+    {"session", 0, 0, G_OPTION_ARG_FILENAME, &session, "Process the frames of this session", "DIR"},
     {"folder", 0, 0, G_OPTION_ARG_FILENAME, &folder, "Where to store", "DIR"},
     {NULL},
 };
@@ -71,12 +75,26 @@ static void print_memory(void) {
     bench_end();
 }
 
+static void print_processing(void) {
+    const struct speed_processing p =
+        speed_processing(processing_texels, session, folder ? folder : g_get_tmp_dir());
+    bench_begin("processing");
+    bench_put("%d{texels} %d{views} %d{files} %.0f{megapixels} %.3f{decode_s} %.3f{rectify_s} "
+              "%.3f{limit_s} %.3f{process_s} %.2f{to_limit} %.0f{peak_mib}",
+              p.texels, p.views, p.files, p.megapixels, p.decode_s, p.rectify_s, p.limit_s,
+              p.process_s, times(p.process_s, p.limit_s), p.peak_mib);
+    bench_put_boolean("ok", p.ok);
+    bench_end();
+}
+
 int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, NULL);
     bench_begin(NULL);
     if (memory_views > 0) /* first: a child begins with what its parent has */
         print_memory();
+    if (processing_texels > 0 || session)
+        print_processing();
     if (!no_sweep)
         print_sweep();
     if (!no_rectify)

@@ -60,3 +60,15 @@ struct speed_memory {
  * held at a time is some views and columns, however many there are; an MDF would hold 12 bytes a
  * texel and view more. */
 struct speed_memory speed_memory(int views, const char *folder);
+
+/* The CPU time of `mesorig process`, and the limit of it: the time to read, decode and rectify each
+ * file of the session once. */
+struct speed_processing {
+    int texels, views, files; /* texels across; files of pictures and sweeps */
+    double megapixels;        /* of all files */
+    double decode_s, rectify_s, limit_s, process_s, peak_mib;
+    gboolean ok;
+};
+/* session: a session whose frames are processed once more, in a copy with hard links below folder.
+ * NULL: a session of texels × texels is made there, with two views of 24 lights and 10 sweeps. */
+struct speed_processing speed_processing(int texels, const char *session, const char *folder);
