@@ -7,7 +7,7 @@
 #endif
 
 /* The pins of lamps 0, 1, … These have PWM on an Arduino Uno or Nano. A pin that is high lights its
- * lamp. At most 32 lamps; a pin without PWM needs the level 255. */
+ * lamp. At most 64 lamps; a pin without PWM needs the level 255. */
 static const uint8_t pins[] = {3, 5, 6, 9, 10, 11};
 
 #define N_LAMPS sizeof pins

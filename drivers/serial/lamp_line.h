@@ -14,8 +14,8 @@
 
 #include <glib.h>
 
-#define LAMP_LINE_MAX_LAMPS 32
-#define LAMP_LINE_SIZE      128 /* a line of this length or more is noise */
+#define LAMP_LINE_MAX_LAMPS 64
+#define LAMP_LINE_SIZE      256 /* a line of this length or more is noise */
 
 enum lamp_request { LAMP_PING, LAMP_OFF, LAMP_SET };
 

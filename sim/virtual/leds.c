@@ -76,7 +76,7 @@ static void answer(VirtualLeds *leds, unsigned number, char kind) {
 }
 
 static void set_level(VirtualLeds *leds, int i, int level) {
-    const guint bit = 1u << i;
+    const guint64 bit = G_GUINT64_CONSTANT(1) << i;
     if ((level == 0 && leds->faults.stuck & bit) || (level > 0 && leds->faults.dead & bit))
         return;
     leds->state.levels[i] = (guint8)level;
@@ -146,7 +146,7 @@ static void receive(VirtualLeds *leds, const char *bytes, gsize n) {
 }
 
 static void boot(VirtualLeds *leds) {
-    const guint stuck = leds->faults.stuck;
+    const guint64 stuck = leds->faults.stuck;
     leds->faults.stuck = 0; /* the outputs of a controller in reset are dark */
     all_off(leds);
     leds->faults.stuck = stuck;

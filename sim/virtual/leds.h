@@ -1,7 +1,7 @@
 /*
  * A virtual LED controller on a pseudo-terminal, in a separate thread and in real time. It speaks
  * the protocol of docs/build-a-rig/led-controller.md. It was written from that page and shares no
- * code with the driver. It is for tests.
+ * code with the driver. It is for tests, and for mesorig-rig.
  *
  * Any thread may call these functions, except virtual_leds_new() and virtual_leds_free().
  */
@@ -9,7 +9,7 @@
 
 #include <glib.h>
 
-#define VIRTUAL_LEDS_MAX 32
+#define VIRTUAL_LEDS_MAX 64
 
 typedef struct VirtualLeds VirtualLeds;
 
@@ -37,8 +37,8 @@ struct virtual_leds_faults {
     int lose_sent, damage_sent;         /* bytes from the controller to the program */
     int lose_received, damage_received; /* bytes from the program to the controller */
     gboolean noise;                     /* sends a line of noise before each line */
-    guint stuck;                        /* bits of lamps that "off" and the watchdog do not reach */
-    guint dead;                         /* bits of lamps that do not go on */
+    guint64 stuck;                      /* bits of lamps that "off" and the watchdog do not reach */
+    guint64 dead;                       /* bits of lamps that do not go on */
 };
 void virtual_leds_fail(VirtualLeds *leds, const struct virtual_leds_faults *faults);
 

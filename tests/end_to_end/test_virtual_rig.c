@@ -116,6 +116,82 @@ TEST(still_camera) {
     ends(devices);
 }
 
+/* A command on standard input, and what is said to it. */
+static void tell_rig(GSubprocess *devices, GDataInputStream *out, const char *command,
+                     const char *answer) {
+    g_autofree char *line = g_strconcat(command, "\n", NULL);
+    GOutputStream *to = g_subprocess_get_stdin_pipe(devices);
+    g_assert_true(g_output_stream_write_all(to, line, strlen(line), NULL, NULL, NULL));
+    g_assert_true(g_output_stream_flush(to, NULL, NULL));
+    g_autofree char *said = g_data_input_stream_read_line(out, NULL, NULL, NULL);
+    g_assert_cmpstr(said, ==, answer);
+}
+
+#define DOME SOURCE_DIR "/etc/demo/dome/"
+
+/* Captures a session of the demo's dome with its simulated drivers. noise is “yes” or “no”. */
+static void capture_dome(const char *name, const char *conf, const char *noise) {
+    g_autofree char *folder = twin_path(noise), *session = twin_path(name), *text = NULL;
+    g_autofree char *world = g_build_filename(folder, "world.conf", NULL);
+    g_autofree char *rig = g_build_filename(folder, "rig.conf", NULL), *rig_text = NULL;
+    g_autofree char *line = g_strconcat("noise = ", noise, NULL);
+    g_assert_true(g_file_get_contents(DOME "rig.conf", &rig_text, NULL, NULL));
+    g_assert_true(g_file_get_contents(DOME "world.conf", &text, NULL, NULL));
+    g_autoptr(GString) changed = g_string_new(text);
+    g_assert_cmpuint(g_string_replace(changed, "noise = yes", line, 0), ==, 1);
+    g_assert_cmpint(g_mkdir(folder, 0755), ==, 0);
+    g_assert_true(g_file_set_contents(world, changed->str, -1, NULL));
+    g_assert_true(g_file_set_contents(rig, rig_text, -1, NULL));
+    runs(BIN("mesorig"), "capture", rig, conf, "-o", session, NULL);
+    runs(BIN("mesorig"), "process", session, NULL);
+}
+
+/* The LEDs of a dome are on a serial controller, under a still camera. Every picture has the light
+ * of its lamp: its BTF is as far from a BTF without noise as a simulated BTF with noise. */
+TEST(dome) {
+    g_autofree char *rig = twin_path("dome.conf"), *socket = twin_path("dome-bus");
+    g_autofree char *session = twin_path("dome.session"), *conf = twin_path("dome-session.conf");
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    g_assert_true(g_file_set_contents(
+        conf,
+        "[session]\nname = dome\n[sample]\nwidth_mm = 50\nheight_mm = 50\ntexels = 16\n"
+        "reference_mm = 2.2\ndepth_mm = 2.2\n[views]\ndevices = all\n[lights]\n"
+        "devices = dome_01; dome_10; dome_19; dome_28; dome_37; dome_46; dome_55; dome_64\n"
+        "[capture]\nexposures_us = 4000; 16000\n",
+        -1, NULL));
+    GSubprocess *devices = starts(G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE,
+                                  BIN("mesorig-rig"), "--virtual", DOME "rig.conf", "-o", rig,
+                                  "--still", "all", "--serial", "all", "--json", NULL);
+    g_autoptr(GDataInputStream) out =
+        g_data_input_stream_new(g_subprocess_get_stdout_pipe(devices));
+    g_autofree char *said = g_data_input_stream_read_line(out, NULL, NULL, NULL);
+    assert_has(said, "{\"section\":\"lamps dome\",\"driver\":\"serial-lamps\"");
+    assert_has(said, "{\"section\":\"camera cam\",\"driver\":\"gphoto2-camera\"");
+
+    const char *const safe[] = {BIN("mesorigd"), "--safe-state", rig, NULL};
+    tell_rig(devices, out, "unplug dome", "dome is unplugged");
+    g_free(process_text(1, safe));
+    tell_rig(devices, out, "plug dome", "dome is plugged in");
+    g_free(process_text(0, safe));
+
+    GSubprocess *daemon = starts_daemon(rig, address);
+    runs(BIN("mesorig"), "capture", "--address", address, rig, conf, "-o", session, NULL);
+    runs(BIN("mesorig"), "process", session, NULL);
+    ends(daemon);
+    ends(devices);
+    capture_dome("simulated-dome.session", conf, "yes");
+    capture_dome("noiseless-dome.session", conf, "no");
+    g_assert_cmpfloat(twin_value("dome.session", "frames"), ==,
+                      twin_value("simulated-dome.session", "frames"));
+    struct difference noise =
+        twin_compare("noiseless-dome.session", "simulated-dome.session", "products/btf", FALSE);
+    struct difference real =
+        twin_compare("noiseless-dome.session", "dome.session", "products/btf", FALSE);
+    g_assert_cmpfloat(real.rms, >, 0);
+    g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
+    g_assert_cmpfloat(fabs(real.systematic), <, noise.rms);
+}
+
 struct mishap { /* a session, and what happens to a camera in it */
     VirtualRig *rig;
     GSubprocess *capture;
@@ -239,17 +315,6 @@ TEST(mishaps) {
     virtual_rig_free(mishap.rig);
     g_object_unref(mishap.capture);
     g_free(mishap.out);
-}
-
-/* A command on standard input, and what is said to it. */
-static void tell_rig(GSubprocess *devices, GDataInputStream *out, const char *command,
-                     const char *answer) {
-    g_autofree char *line = g_strconcat(command, "\n", NULL);
-    GOutputStream *to = g_subprocess_get_stdin_pipe(devices);
-    g_assert_true(g_output_stream_write_all(to, line, strlen(line), NULL, NULL, NULL));
-    g_assert_true(g_output_stream_flush(to, NULL, NULL));
-    g_autofree char *said = g_data_input_stream_read_line(out, NULL, NULL, NULL);
-    g_assert_cmpstr(said, ==, answer);
 }
 
 static double mean_dn(const char *address) {

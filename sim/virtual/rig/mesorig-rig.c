@@ -14,7 +14,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static char *virtual_path, *out_path, **usb, **u3v, **still, **gcode;
+static char *virtual_path, *out_path, **usb, **u3v, **still, **gcode, **serial;
 static gboolean json, force;
 static double loss;
 
@@ -31,6 +31,8 @@ static const GOptionEntry entries[] = {
      "Make this camera a still camera on PTP/IP, for libgphoto2; all: every camera", "NAME"},
     {"gcode", 0, 0, G_OPTION_ARG_STRING_ARRAY, &gcode,
      "Put this axis on a board that speaks G-code; all: every axis", "NAME"},
+    {"serial", 0, 0, G_OPTION_ARG_STRING_ARRAY, &serial,
+     "Put the lamps of this bank on a serial LED controller; all: every bank", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss, "Share of the cameras' packets that is lost, 0 to 1",
      "PART"},
     {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
@@ -192,7 +194,8 @@ static int virtual_rig_main_run(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) to = out_path ? virtual_rig_main_output(&error) : NULL;
     const struct virtual_rig_kinds kinds = {(const char *const *)usb, (const char *const *)u3v,
-                                            (const char *const *)still, (const char *const *)gcode};
+                                            (const char *const *)still, (const char *const *)gcode,
+                                            (const char *const *)serial};
     g_autoptr(VirtualRig) rig = error ? NULL : virtual_rig_new(virtual_path, &kinds, &error);
     /* The signals are caught before the file is written, because a program that waits for the file
      * may then end this program, and this program must remove the file. */
@@ -222,7 +225,8 @@ static const struct command_line command_line = {
         "change "
         "the world of a simulated rig. With --usb: Pololu Tics, USB relay boards and V4L2 cameras. "
         "With --u3v: USB3 Vision cameras. With --still: still cameras on PTP/IP. "
-        "With --gcode: axes on boards that speak GRBL.",
+        "With --gcode: axes on boards that speak GRBL. With --serial: lamps on serial LED "
+        "controllers.",
     .options = entries,
 };
 

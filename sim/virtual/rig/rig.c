@@ -2,6 +2,7 @@
 
 #include "aravis/camera.h"
 #include "devices/devices.h"
+#include "gphoto2/convert.h"
 #include "gphoto2/gphoto2.h"
 #include "modbus/devices.h"
 
@@ -63,6 +64,8 @@ void rig_copy_section(VirtualRig *rig, const struct config_section *section,
         gboolean is = to && find_option(to->options, *key);
         gboolean chooses = g_str_equal(*key, "driver") && to;
         gboolean clock = g_str_equal(*key, "clock") && g_str_equal(section->class_name, "rig");
+        /* add_still() writes the response of a still camera. */
+        gboolean response = g_str_equal(*key, "response") && to == &gphoto2_camera_driver.info;
         const char *value = config_value(section, *key, NULL);
         /* The path of the positions is made absolute, because the new rig file may be in another
          * folder. */
@@ -70,7 +73,7 @@ void rig_copy_section(VirtualRig *rig, const struct config_section *section,
             g_str_equal(section->class_name, "lamps") && g_str_equal(*key, "positions")
                 ? config_resolve(section->config, value)
                 : NULL;
-        if (!chooses && !clock && (!was || is))
+        if (!chooses && !clock && !response && (!was || is))
             g_string_append_printf(rig->text, "%s = %s\n", *key, file ? file : value);
     }
     if (g_str_equal(section->class_name, "rig"))
@@ -293,6 +296,7 @@ static void couple(VirtualRig *rig) {
         drive->was_us = now;
     }
     rig_couple_gcode(rig);
+    rig_couple_leds(rig);
     for (int i = 0; i < rig->n_boards; i++) {
         struct board *board = &rig->boards[i];
         virtual_modbus_state(board->device, &state);
@@ -344,6 +348,12 @@ static gboolean add_still(VirtualRig *rig, const struct config_section *section,
     rig->n_cameras++;
     const char *port = virtual_ptpip_port(vision->still);
     rig_copy_section(rig, section, &sim_camera_driver.info, &gphoto2_camera_driver.info);
+    /* The helper of the driver stretches the values of the raw file to 16 bits. */
+    const double white = (double)(1 << sensor->bits) - 1,
+                 stretch = (CONVERT_WHITE - CONVERT_BLACK) / (white - sensor->black_level);
+    if (config_value(section, "response", NULL))
+        g_string_append_printf(rig->text, "response = %.6g\n",
+                               stretch * rig_number(section, &sim_camera_driver.info, "response"));
     g_string_append_printf(rig->text, "port = %s\ntrigger_ms = 100\nreadout_ms = 1000\n", port);
     rig_list_device(rig, section, gphoto2_camera_driver.info.name, g_strdup(port));
     return TRUE;
@@ -415,6 +425,8 @@ static gboolean virtual_rig_add_section(VirtualRig *rig, const struct config_sec
     }
     if (rig_is_gcode(rig, section))
         return rig_add_gcode(rig, section, error);
+    if (rig_is_serial(rig, section))
+        return rig_add_leds(rig, section, error);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (g_str_equal(kinds[i].driver, driver))
             return (rig_is_usb(rig, section) ? kinds[i].add_usb : kinds[i].add)(rig, section,
@@ -443,6 +455,7 @@ VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *ki
     rig->u3v = g_strdupv(kinds ? (char **)kinds->u3v : NULL);
     rig->still = g_strdupv(kinds ? (char **)kinds->still : NULL);
     rig->gcode = g_strdupv(kinds ? (char **)kinds->gcode : NULL);
+    rig->serial = g_strdupv(kinds ? (char **)kinds->serial : NULL);
     rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
@@ -485,6 +498,7 @@ void virtual_rig_free(VirtualRig *rig) {
     }
     rig_free_usb(rig);
     rig_free_gcode(rig);
+    rig_free_leds(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
         virtual_modbus_free(rig->drives[i].device);
         world_part_clear(&rig->drives[i].part);
@@ -498,6 +512,7 @@ void virtual_rig_free(VirtualRig *rig) {
     g_strfreev(rig->u3v);
     g_strfreev(rig->still);
     g_strfreev(rig->gcode);
+    g_strfreev(rig->serial);
     g_string_free(rig->text, TRUE);
     g_array_unref(rig->devices);
     g_mutex_clear(&rig->coupling);
@@ -549,4 +564,5 @@ void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret) {
     }
     rig_add_usb_state(rig, ret);
     rig_add_gcode_state(rig, ret);
+    rig_add_leds_state(rig, ret);
 }

@@ -5,8 +5,9 @@
  * boards of relays and inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB
  * buses that umockdev emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID
  * relay boards, and cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on
- * PTP/IP, and axes may be on boards that speak G-code, on pseudo-terminals. All devices act on the
- * world of that rig or look at it, so the cameras see a lamp that a relay switches.
+ * PTP/IP, axes may be on boards that speak G-code, and lamps may be on serial LED controllers, both
+ * on pseudo-terminals. All devices act on the world of that rig or look at it, so the cameras see a
+ * lamp that a relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
  * to the world. The thread of a camera that is not a V4L2 camera does the same before it renders a
@@ -35,6 +36,8 @@ struct virtual_rig_kinds {
     const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
     const char *const *still; /* still cameras on PTP/IP, also if usb or u3v has them */
     const char *const *gcode; /* axes on boards that speak GRBL, also if usb has them */
+    /* lamp banks on serial LED controllers, also if usb has them */
+    const char *const *serial;
 };
 
 /* Makes a rig. path is a rig file whose drivers are all simulated. kinds may be NULL. If usb or u3v
@@ -77,7 +80,7 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* n_lit is the number of relays of lamps and lasers that are on. n_moving is the number of axes
+/* n_lit is the number of lamps and lasers that are on. n_moving is the number of axes
  * that move now. */
 struct virtual_rig_state {
     int n_lit, n_moving;

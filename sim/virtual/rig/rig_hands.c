@@ -53,12 +53,14 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
         g_string_append_printf(names, "%s%s", names->len ? ", " : "", own);
         if (!g_str_equal(own, name) && !g_str_equal(device->section, name))
             continue;
-        if (modbus ? set_cut(modbus, !plugged)
-                   : rig_plug_gcode(rig, device->where, plugged) || plug_camera(rig, own, plugged))
+        if (modbus
+                ? set_cut(modbus, !plugged)
+                : rig_plug_gcode(rig, device->where, plugged) ||
+                      rig_plug_leds(rig, device->where, plugged) || plug_camera(rig, own, plugged))
             return TRUE;
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
                     "%s (driver %s) cannot be unplugged; unplug a device on Modbus, on a G-code "
-                    "board, or a "
+                    "board, a serial LED controller, or a "
                     "GigE Vision, USB3 Vision or PTP/IP camera",
                     own, device->driver);
         return FALSE;
@@ -140,6 +142,12 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
         replace(&rig->drives[i].part, world);
     for (int i = 0; i < rig->n_gcode_axes; i++)
         replace(&rig->gcode_drives[i].part, world);
+    for (int b = 0; b < rig->n_led_banks; b++)
+        for (int i = 0; i < rig->led_banks[b].n; i++) {
+            replace(&rig->led_banks[b].parts[i], world);
+            if (rig->led_banks[b].on[i])
+                world_part_switch(&rig->led_banks[b].parts[i], TRUE, g_get_monotonic_time());
+        }
     for (int i = 0; i < rig->n_boards; i++) {
         struct board *board = &rig->boards[i];
         for (int k = 0; k < board->n_coils; k++) {

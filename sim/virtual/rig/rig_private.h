@@ -1,6 +1,7 @@
 /* The state and the functions that the parts of a virtual rig share. rig.c has the GigE Vision,
  * USB3 Vision and still cameras and the Modbus devices. rig_usb.c has the V4L2 cameras and the
- * other USB devices. rig_gcode.c has the axes on G-code boards. */
+ * other USB devices. rig_gcode.c has the axes on G-code boards, and
+ * rig_leds.c has the lamps on serial LED controllers. */
 #pragma once
 
 #include "rig.h"
@@ -8,6 +9,7 @@
 #include "virtual/cameras/u3v.h"
 #include "virtual/cameras/v4l2.h"
 #include "virtual/gcode.h"
+#include "virtual/leds.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
 #include "virtual/world_link.h"
@@ -41,6 +43,13 @@ struct gcode_drive {
     gint64 was_us;
 };
 
+struct led_bank { /* lamps on a serial LED controller */
+    VirtualLeds *leds;
+    struct world_part parts[VIRTUAL_LEDS_MAX]; /* parts by lamp */
+    gboolean on[VIRTUAL_LEDS_MAX];
+    int n;
+};
+
 struct board { /* board of relays and inputs */
     VirtualModbus *device;
     struct world_part parts[MAX_COILS]; /* parts by coil */
@@ -59,10 +68,11 @@ struct vision_camera { /* camera on the network or on USB */
 
 struct VirtualRig {
     Config *config;
-    char **usb;   /* names of the devices on USB */
-    char **u3v;   /* names of the USB3 Vision cameras */
-    char **still; /* names of the still cameras */
-    char **gcode; /* names of the axes on G-code boards */
+    char **usb;    /* names of the devices on USB */
+    char **u3v;    /* names of the USB3 Vision cameras */
+    char **still;  /* names of the still cameras */
+    char **gcode;  /* names of the axes on G-code boards */
+    char **serial; /* names of the lamp banks on serial LED controllers */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */
@@ -71,6 +81,8 @@ struct VirtualRig {
     struct gcode_drive gcode_drives[MAX_DEVICES];
     VirtualGcode *gcode_boards[MAX_DEVICES / VIRTUAL_GCODE_AXES + 1];
     int n_gcode_axes;
+    struct led_bank led_banks[MAX_DEVICES];
+    int n_led_banks;
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
     /* Boards of USB relays. switches is the board of all lasers, which is also in relays. */
@@ -123,6 +135,12 @@ void rig_couple_gcode(VirtualRig *rig);
 gboolean rig_plug_gcode(VirtualRig *rig, const char *where, gboolean plugged);
 void rig_add_gcode_state(VirtualRig *rig, struct virtual_rig_state *to);
 void rig_free_gcode(VirtualRig *rig);
+gboolean rig_is_serial(const VirtualRig *rig, const struct config_section *section);
+gboolean rig_add_leds(VirtualRig *rig, const struct config_section *section, GError **error);
+void rig_couple_leds(VirtualRig *rig);
+gboolean rig_plug_leds(VirtualRig *rig, const char *where, gboolean plugged); /* as above */
+void rig_add_leds_state(VirtualRig *rig, struct virtual_rig_state *to);
+void rig_free_leds(VirtualRig *rig);
 gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);
 gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section, GError **error);
 gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section, GError **error);

@@ -40,6 +40,10 @@ gboolean rig_is_gcode(const VirtualRig *rig, const struct config_section *sectio
     return g_str_equal(section->class_name, "axis") && is_in(rig->gcode, section);
 }
 
+gboolean rig_is_serial(const VirtualRig *rig, const struct config_section *section) {
+    return g_str_equal(section->class_name, "lamps") && is_in(rig->serial, section);
+}
+
 static gboolean check_names(const VirtualRig *rig, char *const *names, GError **error) {
     gsize n;
     const struct config_section *sections = config_sections(rig->config, &n);
@@ -62,7 +66,8 @@ static gboolean check_names(const VirtualRig *rig, char *const *names, GError **
 gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
     gboolean any = (rig->usb && *rig->usb) || (rig->u3v && *rig->u3v);
     if (!check_names(rig, rig->usb, error) || !check_names(rig, rig->u3v, error) ||
-        !check_names(rig, rig->still, error) || !check_names(rig, rig->gcode, error))
+        !check_names(rig, rig->still, error) || !check_names(rig, rig->gcode, error) ||
+        !check_names(rig, rig->serial, error))
         return FALSE;
     if (!any || testbed_is_entered())
         return TRUE;

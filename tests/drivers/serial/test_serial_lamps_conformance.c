@@ -14,7 +14,7 @@ static const struct {
      "levels = 10;20;30;40\n",
      {.n = 4, .dark_ms = 2000, .boot_ms = 50, .resets_on_open = TRUE}},
     {"one-lamp", "levels = 1\n", {.n = 1, .dark_ms = 1000}},
-    {"32-lamps", "", {.n = 32, .dark_ms = 2000}},
+    {"64-lamps", "", {.n = 64, .dark_ms = 2000}},
 };
 
 static VirtualLeds *models[G_N_ELEMENTS(boards)];
