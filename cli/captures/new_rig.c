@@ -4,6 +4,7 @@
 #include "new_rig_text.h"
 #include "rig/devices.h"
 #include "rig/finder.h"
+#include "rig/lamp_places.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -21,7 +22,8 @@ static const GOptionEntry entries[] = {
      "that "
      "carries the lamps",
      "dome|turntable|arc"},
-    {"lamps", 0, 0, G_OPTION_ARG_STRING, &lamps_option, "Number of lamps", "N"},
+    {"lamps", 0, 0, G_OPTION_ARG_STRING, &lamps_option,
+     "Number of lamps, or a file with their positions: a list (.lp) or a table", "N|FILE"},
     {"radius", 0, 0, G_OPTION_ARG_STRING, &radius_option, "Distance of the lamps from the sample",
      "MM"},
     {"axes", 0, 0, G_OPTION_ARG_STRING, &axes_option,
@@ -31,7 +33,8 @@ static const GOptionEntry entries[] = {
      "sacn:ADDRESS, sacn:multicast, wled:ADDRESS or program:PATH",
      "WAY"},
     {"cameras", 0, 0, G_OPTION_ARG_STRING, &cameras_option,
-     "What takes the pictures: found (the cameras that are plugged in) or program:PATH", "WAY"},
+     "What takes the pictures: found (the cameras that are plugged in), still:PORT or program:PATH",
+     "WAY"},
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
      "Look for no devices: the rig file is for another computer", NULL},
     {NULL},
@@ -50,14 +53,50 @@ static char *take_kind(const char *text, struct new_rig *rig) {
     return g_strdup_printf("there is no kind of rig “%s”; choose from: dome, turntable, arc", text);
 }
 
+/* Returns whether the bank has enough lamps. */
+static char *check_bank(const struct new_rig *rig) {
+    const struct new_rig_way *bank = &new_rig_banks[rig->bank];
+    if (rig->n_lamps <= bank->max_lamps)
+        return NULL;
+    return g_strdup_printf("“%s” has at most %d lamps, not %d. Place further lamps in the section "
+                           "of a further bank",
+                           bank->name, bank->max_lamps, rig->n_lamps);
+}
+
+/* Reads the positions of the lamps. A file may have only directions. */
+static char *take_positions(const char *path, struct new_rig *rig) {
+    struct lamp_place otherwise = {.exponent = 1, .intensity = 1};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GArray) lamps = lamp_places_read(path, &otherwise, NULL);
+    rig->far = !lamps;
+    if (rig->far) {
+        otherwise.distance_mm = NEW_RIG_MIN_RADIUS_MM;
+        lamps = lamp_places_read(path, &otherwise, &error);
+    }
+    if (!lamps)
+        return g_strdup(error->message);
+    rig->positions = g_intern_string(path);
+    rig->n_lamps = (int)lamps->len;
+    for (guint i = 0; i < lamps->len && !rig->far; i++)
+        rig->radius_mm += g_array_index(lamps, struct lamp_place, i).distance_mm / lamps->len;
+    return NULL;
+}
+
 static char *take_lamps(const char *text, struct new_rig *rig) {
     gint64 n;
-    if (!g_ascii_string_to_signed(text, 10, 1, NEW_RIG_MAX_LAMPS, &n, NULL))
-        return g_strdup_printf("“%s” is not a number of lamps from 1 to %d. Place further lamps in "
-                               "the section of a further bank",
-                               text, NEW_RIG_MAX_LAMPS);
-    rig->n_lamps = (int)n;
-    return NULL;
+    if (g_ascii_string_to_signed(text, 10, 1, RIG_MAX_LAMPS, &n, NULL)) {
+        rig->n_lamps = (int)n;
+    } else if (g_file_test(text, G_FILE_TEST_EXISTS)) {
+        char *wrong = take_positions(text, rig);
+        if (wrong)
+            return wrong;
+    } else {
+        return g_strdup_printf(
+            "“%s” is not a number of lamps from 1 to %d, and there is no file of "
+            "this name",
+            text, RIG_MAX_LAMPS);
+    }
+    return bank_option ? check_bank(rig) : NULL; /* otherwise take_bank() checks it */
 }
 
 static char *take_radius(const char *text, struct new_rig *rig) {
@@ -107,7 +146,7 @@ static char *take_bank(const char *text, struct new_rig *rig) {
     int i = 0;
     char *wrong = take_way(text, new_rig_banks, &i, &rig->bank_at);
     rig->bank = (enum new_rig_bank)i;
-    return wrong;
+    return wrong ? wrong : check_bank(rig);
 }
 
 static char *take_cameras(const char *text, struct new_rig *rig) {
@@ -163,8 +202,11 @@ static void ask_ways(struct new_rig *rig) {
     for (gsize i = rig->kind == NEW_RIG_DOME ? 1 : 0; i < G_N_ELEMENTS(asked); i++) {
         g_autofree char *names = names_of(asked[i].ways);
         g_autofree char *question = g_strdup_printf("%s: %s", asked[i].question, names);
+        const struct new_rig_way *usual = asked[i].ways;
+        while (usual->max_lamps > 0 && usual->max_lamps < rig->n_lamps)
+            usual++;
         if (!asked[i].given)
-            ask(question, asked[i].ways[0].name, asked[i].take, rig);
+            ask(question, usual->name, asked[i].take, rig);
         const int chosen[] = {(int)rig->axes, (int)rig->bank, (int)rig->camera};
         const char *const places[] = {rig->axes_at, rig->bank_at, rig->camera_at};
         const struct new_rig_way *way = &asked[i].ways[chosen[i]];
@@ -188,6 +230,41 @@ static void ask_board(struct new_rig *rig, GPtrArray *problems) {
     }
     rig->firmware = g_intern_string(firmware);
     g_free(firmware);
+}
+
+/* Opens the cameras to learn the size of their pictures. */
+static void ask_cameras(struct new_rig *rig, GPtrArray *found, GPtrArray *problems) {
+    g_autofree char *asked = new_rig_camera(rig);
+    g_autoptr(GError) error = NULL;
+    if (asked && !finder_picture_size(asked, &rig->width, &rig->height, &error))
+        g_ptr_array_add(problems, g_strdup(error->message));
+    for (guint i = 0; i < found->len && !asked; i++) {
+        struct found *device = found->pdata[i];
+        g_autoptr(GError) failed = NULL;
+        int width, height;
+        if (!device->section || !g_str_has_prefix(device->section, "[camera ") ||
+            strstr(device->section, "\nwidth = "))
+            continue;
+        if (finder_picture_size(device->section, &width, &height, &failed)) {
+            g_autofree char *section = device->section;
+            device->section =
+                g_strdup_printf("%swidth = %d\nheight = %d\n", section, width, height);
+        } else {
+            g_ptr_array_add(problems, g_strdup(failed->message));
+        }
+    }
+}
+
+/* Makes the path of the positions relative to the folder of the rig file if they are in this
+ * folder, and absolute otherwise. */
+static void place_positions(struct new_rig *rig, const char *path) {
+    if (!rig->positions)
+        return;
+    g_autofree char *full = g_canonicalize_filename(rig->positions, NULL);
+    g_autofree char *file = g_canonicalize_filename(path, NULL);
+    g_autofree char *folder = g_path_get_dirname(full), *beside = g_path_get_dirname(file);
+    g_autofree char *name = g_path_get_basename(full);
+    rig->positions = g_intern_string(g_str_equal(folder, beside) ? name : full);
 }
 
 /* Returns the name of the file without its suffix, which becomes the name of the rig. */
@@ -234,10 +311,11 @@ static int run(const struct call *call, GError **error) {
         Take take;
     } asked[] = {
         {"kind", kind_option, "Kind of rig: dome, turntable or arc", take_kind},
-        {"lamps", lamps_option, "Number of lamps", take_lamps},
+        {"bank", bank_option, NULL, take_bank}, /* before the lamps, which must fit it */
+        {"lamps", lamps_option, "Number of lamps, or a file with their positions (.lp)",
+         take_lamps},
         {"radius", radius_option, "Distance of the lamps from the sample, in mm", take_radius},
         {"axes", axes_option, NULL, take_axes},
-        {"bank", bank_option, NULL, take_bank},
         {"cameras", cameras_option, NULL, take_cameras},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(asked); i++)
@@ -248,8 +326,9 @@ static int run(const struct call *call, GError **error) {
         return CLI_FAILED;
     for (gsize i = 0; i < G_N_ELEMENTS(asked); i++) {
         g_autofree char *usual = g_strdup_printf("%d", new_rig_lamps(rig.kind));
-        const char *const defaults[] = {new_rig_kinds[0], usual, "400", "", "", ""};
-        if (!asked[i].given && asked[i].question)
+        const char *const defaults[] = {new_rig_kinds[0], "", usual, "400", "", ""};
+        const gboolean known = asked[i].take == take_radius && rig.positions && !rig.far;
+        if (!asked[i].given && asked[i].question && !known)
             ask(asked[i].question, defaults[i], asked[i].take, &rig);
     }
     ask_ways(&rig);
@@ -259,6 +338,9 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(GPtrArray) found = offline ? found_list_new() : finder_scan(&modbus, problems, error);
     if (!found)
         return CLI_FAILED;
+    if (!offline)
+        ask_cameras(&rig, found, problems);
+    place_positions(&rig, path);
     g_autofree char *text = new_rig_text(&rig, found, missing);
     g_autofree struct rig *geometry = g_new0(struct rig, 1);
     if (!devices_parse_geometry(text, path, geometry, error) || !write_text(file, text, error))
@@ -275,6 +357,8 @@ const struct command cli_new_rig = {
     .arguments = "FILE.conf",
     .examples = "  mesorig new-rig rig.conf\n"
                 "  mesorig new-rig dome.conf --kind dome --lamps 64 --radius 400 --offline\n"
+                "  mesorig new-rig dome.conf --kind dome --lamps dome.lp --radius 400 --bank "
+                "serial:/dev/ttyACM0 --cameras still:usb\n"
                 "  mesorig new-rig table.conf --kind turntable --axes gcode:/dev/ttyUSB0 --bank "
                 "wled:10.0.0.7\n",
     .help = "Write a first rig file for the devices that are plugged in. Asks for the kind of rig, "

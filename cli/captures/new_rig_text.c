@@ -1,4 +1,5 @@
 #include "new_rig_text.h"
+#include "rig/devices.h"
 
 #include "drivers/found.h"
 
@@ -13,21 +14,23 @@ const struct new_rig_way new_rig_axes[] = {
      "/usr/local/lib/mesorig/axis.py"},
     {NULL}};
 const struct new_rig_way new_rig_banks[] = {
-    {"relays"},
-    {"serial", "Serial port of the LED controller", "/dev/ttyACM0"},
-    {"artnet", "Address of the Art-Net node", "192.168.1.50"},
-    {"sacn", "Address of the sACN receiver, or multicast", "multicast"},
-    {"wled", "Address of the WLED controller", "192.168.1.50"},
+    {"relays", .max_lamps = 64},
+    {"serial", "Serial port of the LED controller", "/dev/ttyACM0", 64},
+    {"artnet", "Address of the Art-Net node", "192.168.1.50", RIG_MAX_LAMPS},
+    {"sacn", "Address of the sACN receiver, or multicast", "multicast", RIG_MAX_LAMPS},
+    {"wled", "Address of the WLED controller", "192.168.1.50", RIG_MAX_LAMPS},
     {"program", "Path of the program, and its arguments after “;”",
-     "/usr/local/lib/mesorig/lamps.py"},
+     "/usr/local/lib/mesorig/lamps.py", RIG_MAX_LAMPS},
     {NULL}};
-const struct new_rig_way new_rig_cameras[] = {{"found"},
-                                              {"program",
-                                               "Path of the program, and its arguments after “;”",
-                                               "/usr/share/mesorig/programs/rpicam.py"},
-                                              {NULL}};
+const struct new_rig_way new_rig_cameras[] = {
+    {"found"},
+    {"still",
+     "Port of the still camera: usb, its place on USB such as 1-2.4, or ptpip:ADDRESS:15740:15740",
+     "usb"},
+    {"program", "Path of the program, and its arguments after “;”",
+     "/usr/share/mesorig/programs/rpicam.py"},
+    {NULL}};
 
-#define MAX_CAMERAS   8
 #define USB_MAX_LAMPS 8 /* maximum number of lamps of a USB relay board */
 /* Size in pixels that is assumed for a camera that does not report the size of its pictures. */
 #define WIDTH  1920
@@ -159,21 +162,35 @@ static void append_axis(GString *to, const struct new_rig *rig, const char *name
                                                        : "min_deg = -170\nmax_deg = 170\n");
 }
 
+/* Returns the origin of the geometry in words. */
+static const char *middle_of(const struct new_rig *rig) {
+    return rig->kind == NEW_RIG_DOME ? "middle of the sample's place"
+                                     : "middle of the turntable's top";
+}
+
 /* Appends the keys that place the lamps. */
 static void append_places(GString *to, const struct new_rig *rig) {
     const int n = rig->n_lamps;
 
-    if (rig->kind == NEW_RIG_DOME) {
+    if (rig->positions) {
+        g_string_append_printf(
+            to, "# the lamps in the order in which the bank numbers them\npositions = %s\n",
+            rig->positions);
+        if (!rig->far)
+            return;
+    } else if (rig->kind == NEW_RIG_DOME) {
         g_string_append_printf(
             to,
-            "# The lamps stand on a spiral between these polar angles, 0 being "
-            "straight above. For other\n# places give rings = theta:count; …, or "
-            "positions = FILE.lp, instead of these three keys.\ncount = "
+            "# CHECK: places of the lamps in the order in which the bank numbers them. These three "
+            "keys put the\n# lamps on a spiral between two polar angles, 0 being straight above. "
+            "Most domes have rings: give\n# rings = theta:count; …, or positions = FILE.lp, "
+            "instead.\ncount = "
             "%d\ntheta_from_deg = 12\ntheta_to_deg = 80\n",
             n);
     } else if (rig->kind == NEW_RIG_TURNTABLE) {
         g_string_append(to,
-                        "# Rings of lamps, as polar angle:number. A ring begins at azimuth 0.\n");
+                        "# CHECK: rings of lamps, as polar angle:number. A ring begins at azimuth "
+                        "0.\n");
         if (n % 2 == 0 && n >= 4)
             g_string_append_printf(to, "rings = 30:%d; 60:%d\n", n / 2, n / 2);
         else
@@ -187,9 +204,7 @@ static void append_places(GString *to, const struct new_rig *rig) {
                                    n > 1 ? 15 + 60.0 * i / (n - 1) : 45);
         g_string_append_c(to, '\n');
     }
-    g_string_append_printf(to,
-                           "# Their distance from the middle of the turntable's top, or of the "
-                           "sample's place\ndistance_mm = %g\n",
+    g_string_append_printf(to, "# their distance from the %s\ndistance_mm = %g\n", middle_of(rig),
                            rig->radius_mm);
 }
 
@@ -258,45 +273,60 @@ static void append_lamps(GString *to, const struct new_rig *rig, const GPtrArray
     append_places(to, rig);
 }
 
+char *new_rig_camera(const struct new_rig *rig) {
+    GString *text = g_string_new("[camera NAME]\n");
+    if (rig->camera == NEW_RIG_CAMERA_PROGRAM)
+        append_program(text, "program-camera", rig->camera_at, NULL);
+    else if (rig->camera == NEW_RIG_STILL)
+        g_string_append_printf(text, "driver = gphoto2-camera\nport = %s\n", rig->camera_at);
+    return g_string_free(text, rig->camera == NEW_RIG_FOUND);
+}
+
 /* Appends camera i of n. device is NULL if none was found. */
 static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
                           const struct found *device, GPtrArray *missing) {
-    const int width = number_of(device, "width", WIDTH);
+    g_autofree char *asked = new_rig_camera(rig);
+    const int width = rig->width > 0 ? rig->width : number_of(device, "width", WIDTH);
     const double distance_mm = 1.5 * rig->radius_mm;
     const gboolean overhead = rig->kind == NEW_RIG_DOME;
     g_autofree char *heading =
         n > 1 ? g_strdup_printf("camera cam%d", i + 1) : g_strdup("camera cam");
 
-    if (rig->camera == NEW_RIG_CAMERA_PROGRAM) {
-        g_string_append_printf(to, "\n[%s]\n", heading);
-        append_program(to, "program-camera", rig->camera_at, NULL);
+    if (asked) {
+        g_string_append_printf(to, "\n[%s]%s", heading, strchr(asked, '\n'));
     } else if (device) {
         append_found(to, heading, device);
     } else {
         append_missing(to, heading, "a camera", missing);
         g_string_append(to, "driver = v4l2-camera\ndevice = /dev/video0\n");
     }
-    if (!has_key(device, "width"))
+    if (rig->width > 0)
+        g_string_append_printf(to, "width = %d\nheight = %d\n", rig->width, rig->height);
+    else if (!has_key(device, "width"))
         g_string_append_printf(
             to, "# CHECK: size of its pictures, in pixels\nwidth = %d\nheight = %d\n", WIDTH,
             HEIGHT);
-    g_string_append_printf(to,
-                           "# CHECK: focal length of the lens divided by the width of a pixel\n"
-                           "focal_px = %.0f\n# CHECK: its place. It points at the middle of the "
-                           "turntable's top, or of the sample's place\ntheta_deg = %.4g\nphi_deg = "
-                           "%d\ndistance_mm = %g\n",
-                           MAX(1, width * distance_mm / FIELD_MM),
-                           overhead ? 0
-                           : n > 1  ? 15 + 60.0 * i / (n - 1)
-                                    : 30,
-                           overhead ? 0 : 180, distance_mm);
+    g_string_append_printf(
+        to,
+        "# CHECK: focal length of the lens divided by the width of a pixel, or "
+        "width × distance_mm\n# divided by the width in mm that a picture shows "
+        "there\nfocal_px = %.0f\n# CHECK: its place. It points at the %s\n%stheta_deg = "
+        "%.4g\nphi_deg = %d\ndistance_mm = %g\n",
+        MAX(1, width * distance_mm / FIELD_MM), middle_of(rig),
+        overhead ? "# phi_deg = 270: azimuth 0 is at the right edge of the picture, and 90 at its "
+                   "upper edge\n"
+                 : "",
+        overhead ? 0
+        : n > 1  ? 15 + 60.0 * i / (n - 1)
+                 : 30,
+        overhead ? 270 : 180, distance_mm);
 }
 
 char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray *missing) {
     GString *text = g_string_new(NULL);
     int n_cameras = 0;
 
-    while (rig->camera == NEW_RIG_FOUND && n_cameras < MAX_CAMERAS &&
+    while (rig->camera == NEW_RIG_FOUND && n_cameras < RIG_MAX_CAMERAS &&
            find(found, "[camera ", n_cameras))
         n_cameras++;
     g_string_append_printf(text,

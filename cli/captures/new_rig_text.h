@@ -19,6 +19,7 @@ struct new_rig_way {
      * question. The place of a program is its path, which arguments may follow, all separated by
      * “;”. */
     const char *question, *usual;
+    int max_lamps; /* maximum number of lamps of one device, of new_rig_banks */
 };
 
 /* In the order of new_rig_axes, new_rig_banks and new_rig_cameras, which end with a name of NULL.
@@ -32,18 +33,16 @@ enum new_rig_bank {
     NEW_RIG_WLED, /* the place may have a port: 10.0.0.7:8080 */
     NEW_RIG_LAMP_PROGRAM,
 };
-enum new_rig_camera { NEW_RIG_FOUND, NEW_RIG_CAMERA_PROGRAM };
+enum new_rig_camera { NEW_RIG_FOUND, NEW_RIG_STILL, NEW_RIG_CAMERA_PROGRAM };
 extern const struct new_rig_way new_rig_axes[], new_rig_banks[], new_rig_cameras[];
 
-/* Maximum number of lamps: the bank is one board on a Modbus line. */
-#define NEW_RIG_MAX_LAMPS     64
 #define NEW_RIG_MIN_RADIUS_MM 10.0
 #define NEW_RIG_MAX_RADIUS_MM 10000.0
 
 struct new_rig {
     const char *id; /* name of the rig, not empty */
     enum new_rig_kind kind;
-    int n_lamps; /* 1 to NEW_RIG_MAX_LAMPS */
+    int n_lamps; /* 1 to max_lamps of the bank */
     double radius_mm;
     enum new_rig_axes axes;
     enum new_rig_bank bank;
@@ -54,10 +53,19 @@ struct new_rig {
      * if it did not answer. */
     const char *dialect, *firmware;
     int baud;
+    /* File with the positions of the lamps (rig/lamp_places.h), or NULL. If far is set, the file
+     * has only directions, and radius_mm is the distance of the lamps. */
+    const char *positions;
+    gboolean far;
+    int width, height; /* size of the pictures of the camera at camera_at; 0 if not known */
 };
 
 /* Returns the usual number of lamps of a kind. */
 int new_rig_lamps(enum new_rig_kind kind);
+
+/* Returns the section of the camera at camera_at as in struct found, or NULL for NEW_RIG_FOUND.
+ * g_free() */
+char *new_rig_camera(const struct new_rig *rig);
 
 /* Returns a rig file that can be read without a mistake. The devices are those of found (of struct
  * found). A device that is not found gets a section with an invented address, and a line about it,

@@ -1,4 +1,5 @@
 #include "finder.h"
+#include "devices_private.h"
 
 #include "aravis/camera.h"
 #include "gphoto2/gphoto2.h"
@@ -6,6 +7,8 @@
 #include "serial/detect.h"
 #include "usb/scan.h"
 #include "v4l2/v4l2.h"
+
+#include "drivers/camera.h"
 
 #include <string.h>
 
@@ -70,5 +73,20 @@ gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
     if (!gcode_detect(port, &dialect, ret_baud, ret_firmware, error))
         return FALSE;
     *ret_dialect = gcode_dialects[dialect];
+    return TRUE;
+}
+
+gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, GError **error) {
+    g_autoptr(Config) config = config_parse(section, "the camera", error);
+    gsize n;
+    const struct config_section *sections = config ? config_sections(config, &n) : NULL;
+    const struct camera_driver *driver = sections ? drivers_find(&sections[0], error) : NULL;
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(Camera) camera =
+        driver ? camera_open_begin(driver, &sections[0], NULL, clock, error) : NULL;
+    if (!camera || !camera_open_finish(camera, error))
+        return FALSE;
+    *ret_width = camera->format.width;
+    *ret_height = camera->format.height;
     return TRUE;
 }

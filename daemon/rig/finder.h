@@ -26,3 +26,7 @@ GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_proble
  * port resets most boards. Blocks for at most 7 s. */
 gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);
+
+/* Opens the camera of a section such as struct found has, and returns the size of its pictures. A
+ * still camera takes a picture. Blocks until the camera is open. */
+gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, GError **error);

@@ -7,7 +7,7 @@ A first rig file, from options or from answers.
   Correct what stands below CHECK and NOT FOUND in the file. Then check it:
     mesorig plan --offline dome.conf SESSION.conf
   What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
-  What takes the pictures: found or program [found]: 
+  What takes the pictures: found, still or program [found]: 
   $ mesorig plan --offline dome.conf "$SMALL/../../etc/demo/dome/session.conf"
   session         dome
   directions      1 view, 64 lights, 0 laser positions; 64 pictures of the BTF
@@ -33,10 +33,10 @@ A first rig file, from options or from answers.
   Correct what stands below CHECK and NOT FOUND in the file. Then check it:
     mesorig plan --offline arc.conf SESSION.conf
   Kind of rig: dome, turntable or arc [dome]: there is no kind of rig “ring”; choose from: dome, turntable, arc
-  Kind of rig: dome, turntable or arc [dome]: Number of lamps [5]: “0” is not a number of lamps from 1 to 64. Place further lamps in the section of a further bank
-  Number of lamps [5]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: 
+  Kind of rig: dome, turntable or arc [dome]: Number of lamps, or a file with their positions (.lp) [5]: “0” is not a number of lamps from 1 to 1024, and there is no file of this name
+  Number of lamps, or a file with their positions (.lp) [5]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: 
   What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
-  What takes the pictures: found or program [found]: 
+  What takes the pictures: found, still or program [found]: 
   $ cat arc.conf
   # A rig of the kind “arc”, made by “mesorig new-rig”. rig.conf(5) explains every key.
   # Lengths are in millimetres, angles in degrees. Correct what stands below CHECK and NOT FOUND.
@@ -75,7 +75,7 @@ A first rig file, from options or from answers.
   n = 3
   # CHECK: polar angles of the lamps on the arc, 0 being straight above
   theta_deg = 15; 45; 75
-  # Their distance from the middle of the turntable's top, or of the sample's place
+  # their distance from the middle of the turntable's top
   distance_mm = 400
   
   # NOT FOUND: a camera. Write the section that “mesorig devices” prints, or one of
@@ -86,9 +86,10 @@ A first rig file, from options or from answers.
   # CHECK: size of its pictures, in pixels
   width = 1920
   height = 1080
-  # CHECK: focal length of the lens divided by the width of a pixel
+  # CHECK: focal length of the lens divided by the width of a pixel, or width × distance_mm
+  # divided by the width in mm that a picture shows there
   focal_px = 5760
-  # CHECK: its place. It points at the middle of the turntable's top, or of the sample's place
+  # CHECK: its place. It points at the middle of the turntable's top
   theta_deg = 30
   phi_deg = 180
   distance_mm = 600
@@ -97,13 +98,13 @@ A first rig file, from options or from answers.
   Distance of the lamps from the sample, in mm [400]: 
   What moves the axes: tic, gcode or program [tic]: 
   What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: 
-  What takes the pictures: found or program [found]: 
+  What takes the pictures: found, still or program [found]: 
   $ printf 'turntable\n4\n\ngcode\n/tmp/printer\nhue\nwled\n10.0.0.7:8080\nprogram\n/opt/camera.py;left\n' | mesorig new-rig --offline ways.conf
   ways.conf: a rig of the kind turntable with 4 lamps at 400 mm
   Correct what stands below CHECK in the file. Then check it:
     mesorig plan --offline ways.conf SESSION.conf
-  Kind of rig: dome, turntable or arc [dome]: Number of lamps [16]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: Serial port of the G-code board [/dev/ttyUSB0]: What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: there is no “hue”; choose from: relays, serial, artnet, sacn, wled or program
-  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: Address of the WLED controller [192.168.1.50]: What takes the pictures: found or program [found]: Path of the program, and its arguments after “;” [/usr/share/mesorig/programs/rpicam.py]:  (no-eol)
+  Kind of rig: dome, turntable or arc [dome]: Number of lamps, or a file with their positions (.lp) [16]: Distance of the lamps from the sample, in mm [400]: What moves the axes: tic, gcode or program [tic]: Serial port of the G-code board [/dev/ttyUSB0]: What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: there is no “hue”; choose from: relays, serial, artnet, sacn, wled or program
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [relays]: Address of the WLED controller [192.168.1.50]: What takes the pictures: found, still or program [found]: Path of the program, and its arguments after “;” [/usr/share/mesorig/programs/rpicam.py]:  (no-eol)
   $ sed -n '/^\[axis/,/^rings/p; /^\[camera/,/^#/p' ways.conf
   [axis turntable]
   driver = gcode-axis
@@ -128,7 +129,7 @@ A first rig file, from options or from answers.
   first_led = 0
   leds = 1
   n = 4
-  # Rings of lamps, as polar angle:number. A ring begins at azimuth 0.
+  # CHECK: rings of lamps, as polar angle:number. A ring begins at azimuth 0.
   rings = 30:2; 60:2
   [camera cam]
   driver = program-camera
@@ -147,6 +148,60 @@ A first rig file, from options or from answers.
   universe = 1
   start = 1
   n = 8
+  $ mkdir lists && printf '2\na.jpg 300 0 400\nb.jpg 0 300 400\n' > dome.lp && printf '1\na.jpg 0 0 1\n' > lists/far.lp
+  $ mesorig new-rig --offline --kind dome --lamps dome.lp --bank serial:/dev/ttyACM0 --cameras still:ptpip:192.168.1.2:15740:15740 list.conf
+  list.conf: a rig of the kind dome with 2 lamps at 500 mm
+  Correct what stands below CHECK in the file. Then check it:
+    mesorig plan --offline list.conf SESSION.conf
+  $ sed -n '/^\[lamps/,$p' list.conf
+  [lamps dome]
+  driver = serial-lamps
+  port = /dev/ttyACM0
+  # the lamps in the order in which the bank numbers them
+  positions = dome.lp
+  
+  [camera cam]
+  driver = gphoto2-camera
+  port = ptpip:192.168.1.2:15740:15740
+  # CHECK: size of its pictures, in pixels
+  width = 1920
+  height = 1080
+  # CHECK: focal length of the lens divided by the width of a pixel, or width × distance_mm
+  # divided by the width in mm that a picture shows there
+  focal_px = 7200
+  # CHECK: its place. It points at the middle of the sample's place
+  # phi_deg = 270: azimuth 0 is at the right edge of the picture, and 90 at its upper edge
+  theta_deg = 0
+  phi_deg = 270
+  distance_mm = 750
+  $ mesorig new-rig --offline --kind dome --lamps lists/far.lp --bank serial:/dev/ttyACM0 --cameras still:usb far.conf < /dev/null
+  far.conf: a rig of the kind dome with 1 lamps at 400 mm
+  Correct what stands below CHECK in the file. Then check it:
+    mesorig plan --offline far.conf SESSION.conf
+  Distance of the lamps from the sample, in mm [400]: 
+  $ grep -A3 'lamps in the order' far.conf | sed "s|$PWD|.|"
+  # the lamps in the order in which the bank numbers them
+  positions = ./lists/far.lp
+  # their distance from the middle of the sample's place
+  distance_mm = 400
+  $ mesorig new-rig --offline --kind dome --lamps 1024 --radius 400 --cameras found many.conf < /dev/null
+  many.conf: a rig of the kind dome with 1024 lamps at 400 mm
+  not found: a camera, for [camera cam]
+  Correct what stands below CHECK and NOT FOUND in the file. Then check it:
+    mesorig plan --offline many.conf SESSION.conf
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: 
+  Address of the Art-Net node [192.168.1.50]: 
+  $ printf '65\nrelays\nwled\n\n' | mesorig new-rig --offline --kind dome --radius 400 --cameras found led.conf
+  led.conf: a rig of the kind dome with 65 lamps at 400 mm
+  not found: a camera, for [camera cam]
+  Correct what stands below CHECK and NOT FOUND in the file. Then check it:
+    mesorig plan --offline led.conf SESSION.conf
+  Number of lamps, or a file with their positions (.lp) [64]: What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: “relays” has at most 64 lamps, not 65. Place further lamps in the section of a further bank
+  What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: Address of the WLED controller [192.168.1.50]:  (no-eol)
+  $ mesorig new-rig --offline --bank serial:/dev/ttyACM0 --lamps 65 x.conf
+  mesorig new-rig: --lamps: “serial” has at most 64 lamps, not 65. Place further lamps in the section of a further bank
+  Usage: mesorig new-rig FILE.conf
+  [2]
   $ mesorig new-rig --offline --bank dmx:10.0.0.7 x.conf
   mesorig new-rig: --bank: there is no “dmx”; choose from: relays, serial, artnet, sacn, wled or program
   Usage: mesorig new-rig FILE.conf
@@ -159,8 +214,8 @@ A first rig file, from options or from answers.
   mesorig new-rig: --kind: there is no kind of rig “cube”; choose from: dome, turntable, arc
   Usage: mesorig new-rig FILE.conf
   [2]
-  $ mesorig new-rig --offline --lamps 65 x.conf
-  mesorig new-rig: --lamps: “65” is not a number of lamps from 1 to 64. Place further lamps in the section of a further bank
+  $ mesorig new-rig --offline --lamps 1025 x.conf
+  mesorig new-rig: --lamps: “1025” is not a number of lamps from 1 to 1024, and there is no file of this name
   Usage: mesorig new-rig FILE.conf
   [2]
   $ mesorig new-rig --offline --radius 4m x.conf
@@ -174,6 +229,12 @@ A first rig file, from options or from answers.
   $ ls
   arc.conf
   dome.conf
+  dome.lp
+  far.conf
+  led.conf
+  list.conf
+  lists
+  many.conf
   sacn.conf
   turn.conf
   ways.conf

@@ -4,6 +4,7 @@
 #include "drivers/found.h"
 #include "lib/folder.h"
 #include "lib/ok.h"
+#include "lib/process.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "rig/devices.h"
@@ -61,7 +62,7 @@ TEST(every_kind) {
     const GPtrArray *const found[] = {nothing, devices};
 
     for (int kind = 0; kind < NEW_RIG_KINDS; kind++)
-        for (int n = 1; n <= NEW_RIG_MAX_LAMPS; n++)
+        for (int n = 1; n <= new_rig_banks[NEW_RIG_RELAYS].max_lamps; n++)
             for (int k = 0; k < 2; k++) {
                 const struct new_rig wish = {"bench 1", kind, n, 123.5};
                 g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
@@ -121,6 +122,87 @@ TEST(every_way) {
                                          (axes == NEW_RIG_TIC ? n_axes : board * n_axes) +
                                              (bank == NEW_RIG_RELAYS) + (camera == NEW_RIG_FOUND));
                     }
+}
+
+/* Every bank takes as many lamps as new_rig_banks says, and a board of relays takes no more. */
+TEST(limits) {
+    g_autoptr(GPtrArray) nothing = found_list_new();
+    for (int bank = 0; new_rig_banks[bank].name; bank++)
+        for (int kind = 0; kind < NEW_RIG_KINDS; kind++) {
+            const struct new_rig wish = {
+                .id = "r",
+                .kind = (enum new_rig_kind)kind,
+                .n_lamps = new_rig_banks[bank].max_lamps,
+                .radius_mm = 400,
+                .bank = (enum new_rig_bank)bank,
+                .bank_at = bank == NEW_RIG_SACN ? "" : place_of(&new_rig_banks[bank], "/bin/true"),
+            };
+            g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+            g_autofree char *text = new_rig_text(&wish, nothing, missing);
+            g_autofree struct rig *rig = read_rig(text);
+            g_assert_cmpint(rig->n_lamps, ==, wish.n_lamps);
+        }
+    const struct new_rig many = {"r", NEW_RIG_DOME, 65, 400};
+    g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+    g_autofree char *text = new_rig_text(&many, nothing, missing);
+    g_autofree char *path = in_folder("many.conf");
+    g_autofree struct rig *rig = g_new0(struct rig, 1);
+    g_autofree struct rig_timing *timing = g_new0(struct rig_timing, 1);
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    text_file_write(folder, "many.conf", text);
+    g_assert_false(devices_read_timing(path, rig, timing, assumed, NULL));
+}
+
+/* The rig of most people who build a dome: LEDs on a serial controller, under a still camera that
+ * has told the size of its pictures. The file fits on a screen. */
+TEST(dome_of_leds) {
+    g_autoptr(GPtrArray) nothing = found_list_new();
+    g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+    const struct new_rig wish = {.id = "r",
+                                 .kind = NEW_RIG_DOME,
+                                 .n_lamps = 64,
+                                 .radius_mm = 300,
+                                 .bank = NEW_RIG_SERIAL,
+                                 .bank_at = "/dev/ttyACM0",
+                                 .camera = NEW_RIG_STILL,
+                                 .camera_at = "ptpip:192.168.1.2:15740:15740",
+                                 .width = 6000,
+                                 .height = 4000};
+    g_autofree char *text = new_rig_text(&wish, nothing, missing);
+    g_autofree struct rig *rig = read_rig(text);
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    int n_lines = 0;
+    for (char **line = lines; *line; line++)
+        n_lines += **line && **line != '#';
+    g_assert_cmpint(n_lines, <=, 25);
+    g_assert_cmpuint(missing->len, ==, 0);
+    assert_has(text, "\ndriver = serial-lamps\nport = /dev/ttyACM0\n");
+    assert_has(text, "\ndriver = gphoto2-camera\nport = ptpip:192.168.1.2:15740:15740\nwidth = "
+                     "6000\nheight = 4000\n");
+    /* x to the right of the picture, as in lists of lights */
+    g_assert_cmpfloat(rig->cameras[0].rotation.m[0][0], >, 0.999);
+    g_assert_cmpfloat(rig->cameras[0].rotation.m[1][1], <, -0.999);
+}
+
+/* The lamps of a file, whose positions are in millimetres or are only directions. */
+TEST(positions) {
+    g_autoptr(GPtrArray) nothing = found_list_new();
+    text_file_write(folder, "mm.lp", "2\na 300 0 400\nb 0 300 400\n");
+    text_file_write(folder, "far.lp", "2\na 0.6 0 0.8\nb 0 0.6 0.8\n");
+    for (int far = 0; far < 2; far++) {
+        const struct new_rig wish = {.id = "r",
+                                     .kind = NEW_RIG_DOME,
+                                     .n_lamps = 2,
+                                     .radius_mm = far ? 1000 : 500,
+                                     .positions = far ? "far.lp" : "mm.lp",
+                                     .far = far};
+        g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+        g_autofree char *text = new_rig_text(&wish, nothing, missing);
+        g_autofree struct rig *rig = read_rig(text);
+        g_assert_cmpint(rig->n_lamps, ==, 2);
+        g_assert_cmpfloat(fabs(rig->lamps[0].position_mm.x - (far ? 600 : 300)), <, 1e-3);
+        g_assert_cmpfloat(fabs(rig->lamps[1].position_mm.y - (far ? 600 : 300)), <, 1e-3);
+    }
 }
 
 TEST(devices) {

@@ -7,6 +7,7 @@
 #include "lib/rig_daemon.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
+#include "virtual/cameras/ptpip.h"
 #include "virtual/dmx_node.h"
 #include "virtual/gcode.h"
 #include "virtual/leds.h"
@@ -137,9 +138,9 @@ static void tries(const char *kind, int language, enum bank bank, const char *sa
     g_assert_null(strstr(told, "not found"));
     g_autofree char *text = text_file_read(path);
     assert_has(text, says);
-    /* What the user corrects below CHECK. Two programs share the loopback interface here. */
+    assert_has(text, "\nwidth = 8\nheight = 6\n"); /* the camera was asked */
+    /* Two programs share the loopback interface here. */
     g_autoptr(GString) rig = g_string_new(text);
-    replace(rig, "\nwidth = 1920\nheight = 1080\n", "\nwidth = 8\nheight = 6\n");
     if (bank != SERIAL) {
         g_autofree char *local =
             g_strdup_printf("\nlocal_address = %s\nn = ", virtual_dmx_address(0));
@@ -178,6 +179,34 @@ TEST(dome_sacn) {
     tries("dome", -1, SACN, "[lamps dome]\ndriver = sacn-lamps\naddress = ", N_LAMPS + 1);
 }
 
+/* A still camera on the network tells its size. */
+TEST(still_camera) {
+    TEMPORARY_FOLDER(folder);
+    const struct virtual_ptpip_options options = {
+        .serial = "s", .width = 32, .height = 24, .bits = 12, .cfa = CFA_MONO};
+    g_autoptr(VirtualPtpip) still = ok(virtual_ptpip_new(&options, ERR));
+    g_autofree char *path = g_build_filename(folder, "new.conf", NULL);
+    g_autofree char *told = process_mesorig(0,
+                                            "new-rig %s --kind dome --lamps 64 --radius 400 --bank "
+                                            "serial:/dev/ttyACM0 --cameras still:%s",
+                                            path, virtual_ptpip_port(still));
+    g_assert_null(strstr(told, "not found"));
+    g_autofree char *text = text_file_read(path),
+                    *port = g_strdup_printf(
+                        "\ndriver = gphoto2-camera\nport = %s\nwidth = 32\nheight = 24\n",
+                        virtual_ptpip_port(still));
+    assert_has(text, port);
+    /* no camera is there: the size remains to be checked */
+    virtual_ptpip_fail(still, &(struct virtual_ptpip_faults){.unplugged = TRUE});
+    g_autofree char *without = process_mesorig(0,
+                                               "new-rig %s --force --kind dome --lamps 64 --radius "
+                                               "400 --bank serial:/dev/ttyACM0 --cameras still:%s",
+                                               path, virtual_ptpip_port(still));
+    assert_has(without, virtual_ptpip_port(still));
+    g_autofree char *unknown = text_file_read(path);
+    assert_has(unknown, "# CHECK: size of its pictures, in pixels\nwidth = 1920\nheight = 1080\n");
+}
+
 /* A port without a board is named as such. */
 TEST(silent_board) {
     TEMPORARY_FOLDER(folder);
@@ -197,4 +226,16 @@ TEST(silent_board) {
     g_autofree char *text = text_file_read(path);
     assert_has(text, "# NOT FOUND: a G-code board at ");
     assert_has(text, "# CHECK: language of the board: grbl, marlin or klipper\ndialect = grbl\n");
+}
+
+static char *home;
+
+BEFORE_TESTS {
+    home = g_dir_make_tmp("mesorig-new-rig-XXXXXX", NULL);
+    g_setenv("HOME", home, TRUE); /* for the settings of libgphoto2 */
+}
+
+AFTER_TESTS {
+    remove_tree(home);
+    g_free(home);
 }
