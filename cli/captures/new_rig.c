@@ -236,16 +236,16 @@ static void ask_board(struct new_rig *rig, GPtrArray *problems) {
 static void ask_cameras(struct new_rig *rig, GPtrArray *found, GPtrArray *problems) {
     g_autofree char *asked = new_rig_camera(rig);
     g_autoptr(GError) error = NULL;
-    if (asked && !finder_picture_size(asked, &rig->width, &rig->height, &error))
+    if (asked && !finder_picture_size(asked, &rig->width, &rig->height, &rig->bits, &error))
         g_ptr_array_add(problems, g_strdup(error->message));
     for (guint i = 0; i < found->len && !asked; i++) {
         struct found *device = found->pdata[i];
         g_autoptr(GError) failed = NULL;
-        int width, height;
+        int width, height, bits;
         if (!device->section || !g_str_has_prefix(device->section, "[camera ") ||
             strstr(device->section, "\nwidth = "))
             continue;
-        if (finder_picture_size(device->section, &width, &height, &failed)) {
+        if (finder_picture_size(device->section, &width, &height, &bits, &failed)) {
             g_autofree char *section = device->section;
             device->section =
                 g_strdup_printf("%swidth = %d\nheight = %d\n", section, width, height);

@@ -3,6 +3,7 @@
 
 #include "drivers/found.h"
 
+#include <math.h>
 #include <string.h>
 
 const char *const new_rig_kinds[] = {"dome", "turntable", "arc", NULL};
@@ -37,6 +38,9 @@ const struct new_rig_way new_rig_cameras[] = {
 #define HEIGHT 1080
 /* Each picture is assumed to show the plane of the sample over this width. */
 #define FIELD_MM 200.0
+/* White paper under one lamp of 1 W/sr is assumed to be white in a picture of this time. */
+#define WHITE_S (1.0 / 60)
+#define BITS    12 /* of a camera whose number of bits is not known */
 
 int new_rig_lamps(enum new_rig_kind kind) {
     static const int usual[] = {64, 16, 5};
@@ -288,6 +292,7 @@ static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
     g_autofree char *asked = new_rig_camera(rig);
     const int width = rig->width > 0 ? rig->width : number_of(device, "width", WIDTH);
     const double distance_mm = 1.5 * rig->radius_mm;
+    const double white_dn = ldexp(1, rig->bits > 0 ? rig->bits : BITS);
     const gboolean overhead = rig->kind == NEW_RIG_DOME;
     g_autofree char *heading =
         n > 1 ? g_strdup_printf("camera cam%d", i + 1) : g_strdup("camera cam");
@@ -320,6 +325,12 @@ static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
         : n > 1  ? 15 + 60.0 * i / (n - 1)
                  : 30,
         overhead ? 270 : 180, distance_mm);
+    /* A white surface of radiance E/π = I/(π r²) gives white_dn after WHITE_S. */
+    g_string_append_printf(
+        to,
+        "# A guess. Reflectances are wrong by a common factor until a white tile "
+        "is measured\n# (mesorig calibrate radiometry).\nresponse = %.2g\n",
+        white_dn / WHITE_S * G_PI * pow(rig->radius_mm / 1000, 2));
 }
 
 char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray *missing) {

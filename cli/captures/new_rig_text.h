@@ -57,7 +57,8 @@ struct new_rig {
      * has only directions, and radius_mm is the distance of the lamps. */
     const char *positions;
     gboolean far;
-    int width, height; /* size of the pictures of the camera at camera_at; 0 if not known */
+    /* size of the pictures of the camera at camera_at, and number of their bits; 0 if not known */
+    int width, height, bits;
 };
 
 /* Returns the usual number of lamps of a kind. */

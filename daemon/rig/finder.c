@@ -76,7 +76,8 @@ gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
     return TRUE;
 }
 
-gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, GError **error) {
+gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, int *ret_bits,
+                             GError **error) {
     g_autoptr(Config) config = config_parse(section, "the camera", error);
     gsize n;
     const struct config_section *sections = config ? config_sections(config, &n) : NULL;
@@ -88,5 +89,6 @@ gboolean finder_picture_size(const char *section, int *ret_width, int *ret_heigh
         return FALSE;
     *ret_width = camera->format.width;
     *ret_height = camera->format.height;
+    *ret_bits = camera->format.bits;
     return TRUE;
 }

@@ -27,6 +27,7 @@ GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_proble
 gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);
 
-/* Opens the camera of a section such as struct found has, and returns the size of its pictures. A
- * still camera takes a picture. Blocks until the camera is open. */
-gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, GError **error);
+/* Opens the camera of a section such as struct found has, and returns the size of its pictures and
+ * the number of their bits. A still camera takes a picture. Blocks until the camera is open. */
+gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, int *ret_bits,
+                             GError **error);

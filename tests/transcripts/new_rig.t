@@ -93,6 +93,9 @@ A first rig file, from options or from answers.
   theta_deg = 30
   phi_deg = 180
   distance_mm = 600
+  # A guess. Reflectances are wrong by a common factor until a white tile is measured
+  # (mesorig calibrate radiometry).
+  response = 1.2e+05
   $ mesorig new-rig --offline --lamps 2 --json turn.conf --kind turntable < /dev/null
   {"file": "turn.conf", "kind": "turntable", "lamps": 2, "radius_mm": 400, "missing": ["a stepper controller, for [axis turntable]", "a relay board for 2 lamps, for [lamps ring]", "a camera, for [camera cam]"], "replaced": false}
   Distance of the lamps from the sample, in mm [400]: 
@@ -174,6 +177,9 @@ A first rig file, from options or from answers.
   theta_deg = 0
   phi_deg = 270
   distance_mm = 750
+  # A guess. Reflectances are wrong by a common factor until a white tile is measured
+  # (mesorig calibrate radiometry).
+  response = 1.9e+05
   $ mesorig new-rig --offline --kind dome --lamps lists/far.lp --bank serial:/dev/ttyACM0 --cameras still:usb far.conf < /dev/null
   far.conf: a rig of the kind dome with 1 lamps at 400 mm
   Correct what stands below CHECK in the file. Then check it:

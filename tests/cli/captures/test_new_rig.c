@@ -167,7 +167,8 @@ TEST(dome_of_leds) {
                                  .camera = NEW_RIG_STILL,
                                  .camera_at = "ptpip:192.168.1.2:15740:15740",
                                  .width = 6000,
-                                 .height = 4000};
+                                 .height = 4000,
+                                 .bits = 16};
     g_autofree char *text = new_rig_text(&wish, nothing, missing);
     g_autofree struct rig *rig = read_rig(text);
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
@@ -179,6 +180,8 @@ TEST(dome_of_leds) {
     assert_has(text, "\ndriver = serial-lamps\nport = /dev/ttyACM0\n");
     assert_has(text, "\ndriver = gphoto2-camera\nport = ptpip:192.168.1.2:15740:15740\nwidth = "
                      "6000\nheight = 4000\n");
+    /* 65536 DN in 1/60 s at π · 0.3² m² per sr */
+    g_assert_cmpfloat_with_epsilon(rig->cameras[0].response, 1.1e6, 1);
     /* x to the right of the picture, as in lists of lights */
     g_assert_cmpfloat(rig->cameras[0].rotation.m[0][0], >, 0.999);
     g_assert_cmpfloat(rig->cameras[0].rotation.m[1][1], <, -0.999);
