@@ -232,6 +232,12 @@ static void ask_board(struct new_rig *rig, GPtrArray *problems) {
     g_free(firmware);
 }
 
+/* Returns whether a device is taken from those that are plugged in, and not from its place. */
+static gboolean needs_scan(const struct new_rig *rig) {
+    return rig->bank == NEW_RIG_RELAYS || rig->camera == NEW_RIG_FOUND ||
+           (rig->axes == NEW_RIG_TIC && rig->kind != NEW_RIG_DOME);
+}
+
 /* Opens the cameras to learn the size of their pictures. */
 static void ask_cameras(struct new_rig *rig, GPtrArray *found, GPtrArray *problems) {
     g_autofree char *asked = new_rig_camera(rig);
@@ -335,7 +341,8 @@ static int run(const struct call *call, GError **error) {
     if (!offline)
         ask_board(&rig, problems);
     const struct finder_modbus modbus = {0};
-    g_autoptr(GPtrArray) found = offline ? found_list_new() : finder_scan(&modbus, problems, error);
+    g_autoptr(GPtrArray) found =
+        offline || !needs_scan(&rig) ? found_list_new() : finder_scan(&modbus, problems, error);
     if (!found)
         return CLI_FAILED;
     if (!offline)
