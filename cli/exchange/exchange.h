@@ -14,7 +14,7 @@ extern const struct command exchange_import_btf, exchange_import_pictures, excha
 
 /* The kinds of export, commands of `mesorig export`. */
 extern const struct command exchange_btf, exchange_points, exchange_mesh, exchange_height,
-    exchange_normals, exchange_web, exchange_maps, exchange_gltf, exchange_materialx,
+    exchange_normals, exchange_web, exchange_maps, exchange_gltf, exchange_materialx, exchange_usd,
     exchange_blender, exchange_bsdf, exchange_merl, exchange_ptm, exchange_relight;
 
 /* The format that an export writes. */

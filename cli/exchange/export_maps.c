@@ -33,13 +33,24 @@ static const GOptionEntry gltf_entries[] = {
     {NULL},
 };
 
+static const GOptionEntry usd_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Folder to make", "FOLDER"},
+    {"shape", 0, 0, G_OPTION_ARG_STRING, &shape, "Shapes with the material (both)",
+     "plane|sphere|both"},
+    {"core", 0, 0, G_OPTION_ARG_NONE, &core,
+     "Fit only base colour, metallic, roughness and normals, for renderers without MaterialX",
+     NULL},
+    MEMORY_ENTRY,
+    {NULL},
+};
+
 static const GOptionEntry folder_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Folder to make", "FOLDER"},
     MEMORY_ENTRY,
     {NULL},
 };
 
-enum export_kind { EXPORT_MAPS, EXPORT_GLTF, EXPORT_MATERIALX, EXPORT_BLENDER };
+enum export_kind { EXPORT_MAPS, EXPORT_GLTF, EXPORT_MATERIALX, EXPORT_USD, EXPORT_BLENDER };
 
 struct maps_export {
     const char *session;
@@ -61,6 +72,8 @@ static gboolean add(const struct maps_export *export, MapsFiles *files, GError *
         return maps_add_gltf(export->maps, name, export->text, export->shapes, files, error);
     case EXPORT_MATERIALX:
         return maps_add_materialx(export->maps, files, error);
+    case EXPORT_USD:
+        return maps_add_usd(export->maps, export->shapes, files, error);
     default:
         return maps_add_blender(export->maps, files, error);
     }
@@ -160,17 +173,23 @@ static int run(const struct call *call, GError **error) {
     return export_maps(call, &export, error);
 }
 
+/* Reads --shape and --core. Returns FALSE on bad usage, which has then been reported. */
+static gboolean parse_scene(const struct call *call, struct maps_export *export) {
+    static const char *const names[] = {NULL, "plane", "sphere", "both"};
+    export->model = core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL;
+    for (int shapes = MAPS_PLANE; shapes <= (MAPS_PLANE | MAPS_SPHERE); shapes++)
+        if (g_str_equal(shape ? shape : "both", names[shapes])) {
+            export->shapes = shapes;
+            return TRUE;
+        }
+    cli_usage(call->command, "there is no --shape=%s; choose from: plane, sphere, both", shape);
+    return FALSE;
+}
+
 static int gltf_run(const struct call *call, GError **error) {
-    struct maps_export export = {.kind = EXPORT_GLTF,
-                                 .shapes = MAPS_PLANE | MAPS_SPHERE,
-                                 .model = core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL};
-    if (shape && g_str_equal(shape, "plane"))
-        export.shapes = MAPS_PLANE;
-    else if (shape && g_str_equal(shape, "sphere"))
-        export.shapes = MAPS_SPHERE;
-    else if (shape && !g_str_equal(shape, "both"))
-        return cli_usage(call->command, "there is no --shape=%s; choose from: plane, sphere, both",
-                         shape);
+    struct maps_export export = {.kind = EXPORT_GLTF};
+    if (!parse_scene(call, &export))
+        return CLI_USAGE;
     g_autofree char *lower = output ? g_ascii_strdown(output, -1) : NULL;
     export.text = lower && g_str_has_suffix(lower, ".gltf");
     static const struct exchange_format glb = {"scenes", "glTF", ".glb", NULL};
@@ -184,6 +203,11 @@ static int gltf_run(const struct call *call, GError **error) {
 static int materialx_run(const struct call *call, GError **error) {
     struct maps_export export = {.kind = EXPORT_MATERIALX};
     return export_maps(call, &export, error);
+}
+
+static int usd_run(const struct call *call, GError **error) {
+    struct maps_export export = {.kind = EXPORT_USD};
+    return parse_scene(call, &export) ? export_maps(call, &export, error) : CLI_USAGE;
 }
 
 static int blender_run(const struct call *call, GError **error) {
@@ -222,6 +246,17 @@ const struct command exchange_materialx = {
     .max = 1,
     .writes = TRUE,
     .run = materialx_run};
+const struct command exchange_usd = {
+    .name = "export usd",
+    .arguments = "DIR -o FOLDER",
+    .examples = "  mesorig export usd weave.session -o weave_usd\n"
+                "  mesorig export usd weave.session --core -o weave_core_usd\n",
+    .help = "Export the same maps as a USD scene: UsdPreviewSurface and MaterialX.",
+    .options = usd_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = usd_run};
 const struct command exchange_blender = {
     .name = "export blender",
     .arguments = "DIR -o FOLDER",

@@ -38,9 +38,10 @@ gboolean exchange_parse_bytes(const struct command *command, const char *name, c
 }
 
 static const struct command *const commands[] = {
-    &exchange_btf,  &exchange_points, &exchange_mesh, &exchange_height,    &exchange_normals,
-    &exchange_web,  &exchange_maps,   &exchange_gltf, &exchange_materialx, &exchange_blender,
-    &exchange_bsdf, &exchange_merl,   &exchange_ptm,  &exchange_relight,   NULL};
+    &exchange_btf,       &exchange_points, &exchange_mesh,    &exchange_height,
+    &exchange_normals,   &exchange_web,    &exchange_maps,    &exchange_gltf,
+    &exchange_materialx, &exchange_usd,    &exchange_blender, &exchange_bsdf,
+    &exchange_merl,      &exchange_ptm,    &exchange_relight, NULL};
 
 const struct command exchange_export = {
     .name = "export",

@@ -1,7 +1,7 @@
 /* Maps for artists. A microfacet model (maps_model.h) is fitted to each texel of a whole BTF
  * (maps_fit.h). The result, with heights and ambient occlusion, is exported as maps, as glTF 2.0,
- * as MaterialX, and as a script for Blender. Any thread. Nothing is written before everything is
- * computed. */
+ * as MaterialX, as USD, and as a script for Blender. Any thread. Nothing is written before
+ * everything is computed. */
 #pragma once
 
 #include "base/work.h"
@@ -97,6 +97,10 @@ gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text,
 /* Adds NAME_openpbr.mtlx, NAME_standard_surface.mtlx, the maps of maps_add_maps() as PNG, and the
  * further maps NAME_OpenPBRRoughness and NAME_SpecularWeight. */
 gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **error);
+/* Adds NAME.usda, the maps of maps_add_maps() as PNG, and the map NAME_SpecularWeight. The scene
+ * has shapes as in maps_add_gltf(). Its material has UsdPreviewSurface and the standard_surface of
+ * MaterialX. UsdPreviewSurface has occlusion unless the model is the core model. */
+gboolean maps_add_usd(const struct maps *maps, int shapes, MapsFiles *files, GError **error);
 /* Adds NAME_blender.py, and the maps of maps_add_maps() as PNG. */
 gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **error);
 

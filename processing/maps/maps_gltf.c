@@ -5,74 +5,8 @@
 #include <string.h>
 
 #include "formats/glb.h"
-#include "maps.h"
 #include "maps_png.h"
-
-/* number of the sphere's quads around its axis; DOWN is their number from pole to pole */
-#define AROUND  96
-#define DOWN    48
-#define TILES_U 6 /* repetitions of the material around the sphere, as in mesorig-view */
-#define TILES_V 3
-/* number of floats of a vertex: position, normal, tangent, texture coordinates */
-#define VERTEX 12
-
-struct maps_mesh {
-    GArray *vertices; /* float */
-    GArray *indices;  /* guint32 */
-};
-
-static struct maps_mesh mesh_new(void) {
-    return (struct maps_mesh){g_array_new(FALSE, FALSE, sizeof(float)),
-                              g_array_new(FALSE, FALSE, sizeof(guint32))};
-}
-
-static void mesh_vertex(struct maps_mesh *mesh, const double p[3], const double n[3],
-                        const double t[3], double u, double v) {
-    const float all[VERTEX] = {(float)p[0], (float)p[1], (float)p[2], (float)n[0],
-                               (float)n[1], (float)n[2], (float)t[0], (float)t[1],
-                               (float)t[2], 1,           (float)u,    (float)v};
-    g_array_append_vals(mesh->vertices, all, VERTEX);
-}
-
-/* Makes a plane. +x of the sample is +x of glTF, and +y of the sample is −z, so that its top row is
- * at the back. */
-static struct maps_mesh mesh_plane(double width, double depth) {
-    static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
-    static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
-    struct maps_mesh mesh = mesh_new();
-    for (int i = 0; i < 4; i++) {
-        const double u = i % 2, v = i < 2 ? 0 : 1; /* v is 0 at the front */
-        const double p[3] = {(u - 0.5) * width, 0, (0.5 - v) * depth};
-        mesh_vertex(&mesh, p, up, right, u, 1 - v);
-    }
-    g_array_append_vals(mesh.indices, indices, G_N_ELEMENTS(indices));
-    return mesh;
-}
-
-/* Makes a sphere around the y axis. At its equator the material has its true size. */
-static struct maps_mesh mesh_sphere(double radius) {
-    struct maps_mesh mesh = mesh_new();
-    for (int j = 0; j <= DOWN; j++)
-        for (int i = 0; i <= AROUND; i++) {
-            /* v is 0 at the south pole and 1 at the north pole */
-            const double u = (double)i / AROUND, v = (double)j / DOWN;
-            const double a = 2 * G_PI * u, e = G_PI * (v - 0.5);
-            const double n[3] = {cos(e) * cos(a), sin(e), -cos(e) * sin(a)};
-            const double t[3] = {-sin(a), 0, -cos(a)};
-            const double p[3] = {radius * n[0], radius * n[1], radius * n[2]};
-            mesh_vertex(&mesh, p, n, t, TILES_U * u, TILES_V * (1 - v));
-        }
-    for (guint32 j = 0; j < DOWN; j++)
-        for (guint32 i = 0; i < AROUND; i++) {
-            const guint32 a = j * (AROUND + 1) + i, b = a + 1, c = a + AROUND + 1, d = c + 1;
-            const guint32 lower[3] = {a, b, d}, upper[3] = {a, d, c};
-            if (j > 0) /* at a pole one of the two triangles has no area */
-                g_array_append_vals(mesh.indices, lower, 3);
-            if (j + 1 < DOWN)
-                g_array_append_vals(mesh.indices, upper, 3);
-        }
-    return mesh;
-}
+#include "maps_shapes.h"
 
 /* A file that is being made: the lists of its JSON, and its bytes. */
 struct maps_gltf {
@@ -135,16 +69,16 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};
     static const gsize offsets[] = {0, 3, 6, 10};
-    const guint n = mesh.vertices->len / VERTEX, first = (guint)to->n_accessors;
+    const guint n = mesh.vertices->len / MAPS_VERTEX, first = (guint)to->n_accessors;
     float least[3] = {INFINITY, INFINITY, INFINITY}, most[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint i = 0; i < n; i++)
         for (int k = 0; k < 3; k++) {
-            const float p = g_array_index(mesh.vertices, float, i *VERTEX + (guint)k);
+            const float p = g_array_index(mesh.vertices, float, i *MAPS_VERTEX + (guint)k);
             least[k] = MIN(least[k], p);
             most[k] = MAX(most[k], p);
         }
     const int vertices = put(to, mesh.vertices->data, sizeof(float) * mesh.vertices->len,
-                             VERTEX * (int)sizeof(float), 34962);
+                             MAPS_VERTEX * (int)sizeof(float), 34962);
     const int indices = put(to, mesh.indices->data, sizeof(guint32) * mesh.indices->len, 0, 34963);
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
         accessor(to, vertices, sizeof(float) * offsets[k], 5126, n, kinds[k]);
@@ -170,8 +104,7 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
         g_string_append(to->nodes, ", 0, 0]");
     }
     g_string_append_c(to->nodes, '}');
-    g_array_unref(mesh.vertices);
-    g_array_unref(mesh.indices);
+    maps_shapes_clear(&mesh);
 }
 
 typedef void (*MapsGltfFill)(const struct maps *maps, gsize texel, float *ret);
@@ -345,14 +278,11 @@ static GString *maps_gltf_json(const struct maps_gltf *to, const char *binary, c
 }
 
 static void maps_gltf_shapes(struct maps_gltf *to, int shapes) {
-    const double width = to->maps->width * to->maps->texel_mm / 1000;
-    const double depth = to->maps->height * to->maps->texel_mm / 1000;
-    const double radius = TILES_U * width / (2 * G_PI);
-    const double aside = shapes & MAPS_PLANE ? width / 2 + 1.2 * radius : 0;
     if (shapes & MAPS_PLANE)
-        maps_gltf_mesh(to, "plane", 0, mesh_plane(width, depth));
+        maps_gltf_mesh(to, "plane", 0, maps_shapes_plane(to->maps));
     if (shapes & MAPS_SPHERE)
-        maps_gltf_mesh(to, "sphere", aside, mesh_sphere(radius));
+        maps_gltf_mesh(to, "sphere", maps_shapes_aside(to->maps, shapes),
+                       maps_shapes_sphere(to->maps));
 }
 
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,

@@ -1,8 +1,7 @@
-/* Writes MaterialX 1.39, one document for each shading model. The name of the maps is the only text
- * from outside, and has no character that XML would have to escape. */
+/* Writes MaterialX 1.39, one document for each shading model. */
 #include <math.h>
 
-#include "maps.h"
+#include "maps_materialx.h"
 #include "maps_png.h"
 
 /* The names of the inputs in one of the shading models, standard_surface or OpenPBR. */
@@ -49,70 +48,59 @@ static const struct maps_materialx_names openpbr = {"openpbr",
                                                     "geometry_tangent",
                                                     "OpenPBRRoughness"};
 
-static void number(GString *to, const char *name, const char *type, double value) {
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    g_string_append_printf(to, "    <input name=\"%s\" type=\"%s\" value=\"%s\" />\n", name, type,
-                           g_ascii_formatd(text, sizeof text, "%.6g", value));
-}
-
-static void maps_materialx_link(GString *to, const char *name, const char *type, const char *node) {
-    g_string_append_printf(to, "    <input name=\"%s\" type=\"%s\" nodename=\"%s\" />\n", name,
-                           type, node);
-}
-
-static void maps_materialx_map(const struct maps *maps, GString *to, const char *map,
-                               const char *type, gboolean srgb, gboolean closest) {
-    g_string_append_printf(
-        to,
-        "  <image name=\"map_%s\" type=\"%s\">\n    <input name=\"file\" type=\"filename\" "
-        "value=\"%s_%s.png\"%s />\n%s  </image>\n",
-        map, type, maps->name, map, srgb ? " colorspace=\"srgb_texture\"" : "",
-        closest ? "    <input name=\"filtertype\" type=\"string\" value=\"closest\" />\n" : "");
+static void image(const struct maps_graph *graph, const struct maps *maps, const char *map,
+                  const char *type, gboolean srgb, gboolean closest) {
+    g_autofree char *name = g_strdup_printf("map_%s", map);
+    g_autofree char *file = g_strdup_printf("%s_%s.png", maps->name, map);
+    maps_graph_begin(graph, "image", type, type, name);
+    maps_graph_file(graph, "file", file, srgb);
+    if (closest)
+        maps_graph_string(graph, "filtertype", "closest");
+    maps_graph_end(graph, "image", type);
 }
 
 /* Writes the lobe's tangent: the tangent of the mesh, rotated about its normal by the map's
  * angle. */
-static void maps_materialx_tangent(GString *to) {
-    g_string_append(
-        to,
-        "  <multiply name=\"turn\" type=\"float\">\n"
-        "    <input name=\"in1\" type=\"float\" nodename=\"map_AnisotropyAngle\" />\n"
-        "    <input name=\"in2\" type=\"float\" value=\"360\" />\n  </multiply>\n"
-        "  <tangent name=\"mesh_tangent\" type=\"vector3\">\n"
-        "    <input name=\"space\" type=\"string\" value=\"world\" />\n  </tangent>\n"
-        "  <normal name=\"mesh_normal\" type=\"vector3\">\n"
-        "    <input name=\"space\" type=\"string\" value=\"world\" />\n  </normal>\n"
-        "  <rotate3d name=\"tangent\" type=\"vector3\">\n"
-        "    <input name=\"in\" type=\"vector3\" nodename=\"mesh_tangent\" />\n"
-        "    <input name=\"amount\" type=\"float\" nodename=\"turn\" />\n"
-        "    <input name=\"axis\" type=\"vector3\" nodename=\"mesh_normal\" />\n  </rotate3d>\n");
+static void turned_tangent(const struct maps_graph *graph) {
+    maps_graph_begin(graph, "multiply", "float", "float", "turn");
+    maps_graph_link(graph, "in1", "float", "map_AnisotropyAngle");
+    maps_graph_number(graph, "in2", 360);
+    maps_graph_end(graph, "multiply", "float");
+    maps_graph_begin(graph, "tangent", "vector3", "vector3", "mesh_tangent");
+    maps_graph_string(graph, "space", "world");
+    maps_graph_end(graph, "tangent", "vector3");
+    maps_graph_begin(graph, "normal", "vector3", "vector3", "mesh_normal");
+    maps_graph_string(graph, "space", "world");
+    maps_graph_end(graph, "normal", "vector3");
+    maps_graph_begin(graph, "rotate3d", "vector3", "vector3", "tangent");
+    maps_graph_link(graph, "in", "vector3", "mesh_tangent");
+    maps_graph_link(graph, "amount", "float", "turn");
+    maps_graph_link(graph, "axis", "vector3", "mesh_normal");
+    maps_graph_end(graph, "rotate3d", "vector3");
 }
 
-static void maps_materialx_maps(const struct maps *maps, const struct maps_materialx_names *names,
-                                GString *to) {
-    maps_materialx_map(maps, to, "BaseColor", "color3", TRUE, FALSE);
-    maps_materialx_map(maps, to, "Metallic", "float", FALSE, FALSE);
-    maps_materialx_map(maps, to, names->roughness_map, "float", FALSE, FALSE);
-    maps_materialx_map(maps, to, "SpecularWeight", "float", FALSE, FALSE);
-    maps_materialx_map(maps, to, "Normal", "vector3", FALSE, FALSE);
-    maps_materialx_map(maps, to, "Height", "float", FALSE, FALSE);
-    g_string_append(to, "  <normalmap name=\"bent_normal\" type=\"vector3\">\n"
-                        "    <input name=\"in\" type=\"vector3\" nodename=\"map_Normal\" />\n"
-                        "  </normalmap>\n");
+static void images(const struct maps_graph *graph, const struct maps *maps,
+                   const struct maps_materialx_names *names) {
+    image(graph, maps, "BaseColor", "color3", TRUE, FALSE);
+    image(graph, maps, "Metallic", "float", FALSE, FALSE);
+    image(graph, maps, names->roughness_map, "float", FALSE, FALSE);
+    image(graph, maps, "SpecularWeight", "float", FALSE, FALSE);
+    image(graph, maps, "Normal", "vector3", FALSE, FALSE);
+    maps_graph_begin(graph, "normalmap", "float", "vector3", "bent_normal");
+    maps_graph_link(graph, "in", "vector3", "map_Normal");
+    maps_graph_end(graph, "normalmap", "vector3");
     if (maps->anisotropic) {
-        maps_materialx_map(maps, to, "AnisotropyLevel", "float", FALSE, FALSE);
-        maps_materialx_map(maps, to, "AnisotropyAngle", "float", FALSE, TRUE);
-        maps_materialx_tangent(to);
+        image(graph, maps, "AnisotropyLevel", "float", FALSE, FALSE);
+        image(graph, maps, "AnisotropyAngle", "float", FALSE, TRUE);
+        turned_tangent(graph);
     }
     if (maps->fit->layers.sheen_roughness > 0)
-        maps_materialx_map(maps, to, "SheenColor", "color3", TRUE, FALSE);
+        image(graph, maps, "SheenColor", "color3", TRUE, FALSE);
     if (maps->fit->layers.coat_roughness > 0)
-        maps_materialx_map(maps, to, "ClearCoat", "float", FALSE, FALSE);
+        image(graph, maps, "ClearCoat", "float", FALSE, FALSE);
 }
 
-/* Returns the factor by which the specular weight and colour of a texel multiply the reflectance of
- * 4 %. */
-static double factor(const struct maps_texel *t) {
+double maps_materialx_specular(const struct maps_texel *t) {
     const float *s = t->specular_colour;
     return (double)t->specular * (double)(s[0] + s[1] + s[2]) / 3;
 }
@@ -121,7 +109,7 @@ static double maps_materialx_most(const struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double ret = 1;
     for (gsize i = 0; i < n; i++)
-        ret = MAX(ret, factor(&maps->fit->texels[i]));
+        ret = MAX(ret, maps_materialx_specular(&maps->fit->texels[i]));
     return ret;
 }
 
@@ -132,45 +120,56 @@ static double maps_materialx_ior(const struct maps *maps) {
     return (1 + root) / (1 - root);
 }
 
-static GString *document(const struct maps *maps, const struct maps_materialx_names *names) {
+/* Writes the maps and the node "surface". */
+static void surface(const struct maps_graph *graph, const struct maps *maps,
+                    const struct maps_materialx_names *names) {
     const struct maps_layers *layers = &maps->fit->layers;
-    GString *to = g_string_new("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" "
-                               "colorspace=\"lin_rec709\">\n");
-    maps_materialx_maps(maps, names, to);
-    g_string_append_printf(to, "  <%s name=\"surface\" type=\"surfaceshader\">\n", names->node);
-    number(to, names->fixed, "float", 1);
-    maps_materialx_link(to, names->base, "color3", "map_BaseColor");
-    maps_materialx_link(to, names->metallic, "float", "map_Metallic");
-    maps_materialx_link(to, names->specular, "float", "map_SpecularWeight");
-    number(to, names->ior, "float", maps_materialx_ior(maps));
     g_autofree char *roughness = g_strdup_printf("map_%s", names->roughness_map);
-    maps_materialx_link(to, names->roughness, "float", roughness);
-    maps_materialx_link(to, names->normal, "vector3", "bent_normal");
+    images(graph, maps, names);
+    maps_graph_begin(graph, names->node, "surfaceshader", "surfaceshader", "surface");
+    maps_graph_number(graph, names->fixed, 1);
+    maps_graph_link(graph, names->base, "color3", "map_BaseColor");
+    maps_graph_link(graph, names->metallic, "float", "map_Metallic");
+    maps_graph_link(graph, names->specular, "float", "map_SpecularWeight");
+    maps_graph_number(graph, names->ior, maps_materialx_ior(maps));
+    maps_graph_link(graph, names->roughness, "float", roughness);
+    maps_graph_link(graph, names->normal, "vector3", "bent_normal");
     if (maps->anisotropic) {
-        maps_materialx_link(to, names->anisotropy, "float", "map_AnisotropyLevel");
-        maps_materialx_link(to, names->tangent, "vector3", "tangent");
+        maps_graph_link(graph, names->anisotropy, "float", "map_AnisotropyLevel");
+        maps_graph_link(graph, names->tangent, "vector3", "tangent");
     }
     if (layers->coat_roughness > 0) {
-        maps_materialx_link(to, names->coat, "float", "map_ClearCoat");
-        number(to, names->coat_roughness, "float", (double)layers->coat_roughness);
+        maps_graph_link(graph, names->coat, "float", "map_ClearCoat");
+        maps_graph_number(graph, names->coat_roughness, (double)layers->coat_roughness);
     }
     if (layers->sheen_roughness > 0) {
-        number(to, names->sheen, "float", 1);
-        maps_materialx_link(to, names->sheen_colour, "color3", "map_SheenColor");
-        number(to, names->sheen_roughness, "float", (double)layers->sheen_roughness);
+        maps_graph_number(graph, names->sheen, 1);
+        maps_graph_link(graph, names->sheen_colour, "color3", "map_SheenColor");
+        maps_graph_number(graph, names->sheen_roughness, (double)layers->sheen_roughness);
     }
-    g_string_append_printf(to, "  </%s>\n", names->node);
-    g_string_append(to, "  <displacement name=\"relief\" type=\"displacementshader\">\n");
-    maps_materialx_link(to, "displacement", "float", "map_Height");
-    number(to, "scale", "float", maps->relief_mm / 1000);
-    g_string_append_printf(
-        to,
-        "  </displacement>\n  <surfacematerial name=\"%s\" type=\"material\">\n    <input "
-        "name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"surface\" />\n    <input "
-        "name=\"displacementshader\" type=\"displacementshader\" nodename=\"relief\" />\n  "
-        "</surfacematerial>\n</materialx>\n",
-        maps->name);
-    return to;
+    maps_graph_end(graph, names->node, "surfaceshader");
+}
+
+void maps_materialx_surface(const struct maps_graph *graph, const struct maps *maps) {
+    surface(graph, maps, &standard_surface);
+}
+
+static GString *document(const struct maps *maps, const struct maps_materialx_names *names) {
+    const struct maps_graph graph = {
+        .text = g_string_new("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" "
+                             "colorspace=\"lin_rec709\">\n")};
+    surface(&graph, maps, names);
+    image(&graph, maps, "Height", "float", FALSE, FALSE);
+    maps_graph_begin(&graph, "displacement", "float", "displacementshader", "relief");
+    maps_graph_link(&graph, "displacement", "float", "map_Height");
+    maps_graph_number(&graph, "scale", maps->relief_mm / 1000);
+    maps_graph_end(&graph, "displacement", "displacementshader");
+    maps_graph_begin(&graph, "surfacematerial", "", "material", maps->name);
+    maps_graph_link(&graph, "surfaceshader", "surfaceshader", "surface");
+    maps_graph_link(&graph, "displacementshader", "displacementshader", "relief");
+    maps_graph_end(&graph, "surfacematerial", "material");
+    g_string_append(graph.text, "</materialx>\n");
+    return graph.text;
 }
 
 /* Adds the map of roughness, or of the specular weight. OpenPBR's roughness r follows from αt = r²
@@ -185,8 +184,8 @@ static gboolean add_map(const struct maps *maps, gboolean roughness, MapsFiles *
         const struct maps_texel *t = &maps->fit->texels[i];
         const float ab = t->roughness * t->roughness;
         const float at = ab + (1 - ab) * t->anisotropy * t->anisotropy, left = ab / at;
-        values[i] =
-            roughness ? sqrtf(at / sqrtf(2 / (1 + left * left))) : (float)(factor(t) / most);
+        values[i] = roughness ? sqrtf(at / sqrtf(2 / (1 + left * left)))
+                              : (float)(maps_materialx_specular(t) / most);
     }
     GBytes *png = maps_png(values, maps->width, maps->height, 1, 8, FALSE, error);
     if (!png)
@@ -196,6 +195,10 @@ static gboolean add_map(const struct maps *maps, gboolean roughness, MapsFiles *
                                     roughness ? openpbr.roughness_map : "SpecularWeight"),
                     png);
     return TRUE;
+}
+
+gboolean maps_materialx_add_weight(const struct maps *maps, MapsFiles *files, GError **error) {
+    return add_map(maps, FALSE, files, error);
 }
 
 gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **error) {

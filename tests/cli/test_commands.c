@@ -167,6 +167,7 @@ static const struct writer {
     {"export mesh", ".ply", "NONE -o OUT"},
     {"export ptm", ".ptm", "NONE -o OUT"},
     {"export relight", "", "NONE -o OUT"},
+    {"export usd", "", "NONE -o OUT"},
     {"export web", ".html", "NONE -o OUT"},
     {"import poses", ".conf", "NONE --template -o OUT"},
     {"info", ".svg", "FOLDER --history OUT"},
@@ -269,6 +270,7 @@ TEST(outputs) {
         if (strstr(writer->arguments, "NONE") && !g_str_has_prefix(writer->name, "export maps") &&
             !g_str_equal(writer->name, "export relight") &&
             !g_str_equal(writer->name, "export blender") &&
+            !g_str_equal(writer->name, "export usd") &&
             !g_str_equal(writer->name, "export materialx"))
             check_forced(writer);
     }

@@ -80,6 +80,7 @@ static const struct call_case {
     {"export gltf", "small.session -o small.glb", AGAIN_REFUSED},
     {"export gltf", "small.session -o text.gltf", AGAIN_REFUSED},
     {"export materialx", "small.session -o materialx", AGAIN_REFUSED},
+    {"export usd", "small.session -o usd", AGAIN_REFUSED},
     {"export blender", "small.session -o blender", AGAIN_REFUSED},
     {"export bsdf", "small.session --isotropic -o small.bsdf", AGAIN_STAYS},
     {"export merl", "small.session -o small.binary", AGAIN_STAYS},

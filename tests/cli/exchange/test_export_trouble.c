@@ -17,23 +17,15 @@ enum need { ONE_VIEW, MANY_VIEWS, RELIEF, LIGHTS };
 static const struct kind {
     const char *name, *end;
     enum need need;
-} kinds[] = {{"btf", ".btf", ONE_VIEW},
-             {"points", ".ply", RELIEF},
-             {"mesh", ".ply", RELIEF},
-             {"mesh", ".obj", RELIEF},
-             {"mesh", ".glb", RELIEF},
-             {"height", ".exr", LIGHTS},
-             {"normals", ".exr", LIGHTS},
-             {"web", ".html", ONE_VIEW},
-             {"web", ".mesoweb", ONE_VIEW},
-             {"maps", "", ONE_VIEW},
-             {"gltf", ".glb", ONE_VIEW},
-             {"gltf", ".gltf", ONE_VIEW},
-             {"materialx", "", ONE_VIEW},
-             {"blender", "", ONE_VIEW},
-             {"bsdf --isotropic", ".bsdf", MANY_VIEWS},
-             {"merl", ".binary", MANY_VIEWS},
-             {"ptm", ".ptm", ONE_VIEW},
+} kinds[] = {{"btf", ".btf", ONE_VIEW},       {"points", ".ply", RELIEF},
+             {"mesh", ".ply", RELIEF},        {"mesh", ".obj", RELIEF},
+             {"mesh", ".glb", RELIEF},        {"height", ".exr", LIGHTS},
+             {"normals", ".exr", LIGHTS},     {"web", ".html", ONE_VIEW},
+             {"web", ".mesoweb", ONE_VIEW},   {"maps", "", ONE_VIEW},
+             {"gltf", ".glb", ONE_VIEW},      {"gltf", ".gltf", ONE_VIEW},
+             {"materialx", "", ONE_VIEW},     {"usd", "", ONE_VIEW},
+             {"blender", "", ONE_VIEW},       {"bsdf --isotropic", ".bsdf", MANY_VIEWS},
+             {"merl", ".binary", MANY_VIEWS}, {"ptm", ".ptm", ONE_VIEW},
              {"relight", "", ONE_VIEW}};
 
 static const char *const materials[] = {"holes", "one", "photos", "text", "gone"};

@@ -360,6 +360,35 @@ TEST(gltf) {
     }
 }
 
+/* Of a scene of maps of this model: numbers of meshes, shaders and connections. */
+static char *usd_checked(const struct maps *maps, const char *folder) {
+    g_autofree char *path = g_build_filename(session_fixture_folder, folder, NULL);
+    g_autofree char *file = g_strdup_printf("%s/%s.usda", path, maps->name);
+    g_autoptr(MapsFiles) files = maps_files_new();
+    ok(maps_add_usd(maps, MAPS_PLANE | MAPS_SPHERE, files, ERR));
+    ok(maps_files_write_folder(files, path, FALSE, ERR));
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(file, &text, NULL, NULL));
+    /* Dielectrics of the core model reflect 4 %. */
+    g_assert_cmpint(strstr(text, "inputs:ior = 1.5\n") != NULL, ==, maps->model == MAPS_MODEL_CORE);
+    const char *argv[] = {"python3", SOURCE_DIR "/tests/processing/maps/usd_peer.py", file, NULL};
+    return process_text(0, argv);
+}
+
+/* USD, read by others. Names of prims may neither begin with a digit nor contain "-". */
+TEST(usd) {
+    static const char *const expected[] = {"2 14 18 ", "2 20 24 ", "2 13 16 "};
+    static const char *const folders[] = {"usd_i", "usd_a", "usd_c"};
+    for (int k = 0; k < 3; k++) {
+        g_autoptr(BtfMatrix) btf = planted_btf(k == 1, NONE);
+        g_free(btf->name);
+        btf->name = g_strdup("7-planted");
+        g_autoptr(Maps) maps = maps_of_model(btf, k == 2 ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
+        g_autofree char *said = usd_checked(maps, folders[k]);
+        assert_has(said, expected[k]);
+    }
+}
+
 /* Cloth of our own model: that its sheen is noticed, and its roughness among those that are tried.
  */
 TEST(layers) {
@@ -497,7 +526,7 @@ static void assert_nothing_left(const char *folder) {
 TEST(command) {
     g_autofree char *session = import_session("small");
     g_autofree char *base = g_build_filename(session_fixture_folder, "out", NULL);
-    static const char *const kinds[] = {"maps", "materialx", "blender"};
+    static const char *const kinds[] = {"maps", "materialx", "usd", "blender"};
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
         g_autofree char *said =
             process_mesorig(0, "export %s %s -o %s_%s --json", kinds[i], session, base, kinds[i]);
