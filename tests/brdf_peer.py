@@ -165,7 +165,7 @@ class Rgl:
         return bilinear(values, width, height, u, v)
 
     def evaluate(self, light, view):
-        theta, phi = angles(light)
+        theta, phi = angles(view)  # the file's direction of incidence
         theta_m, phi_m = angles(unit([a + b for a, b in zip(light, view)]))
         u = math.sqrt(theta_m * 2 / math.pi)
         v = ((phi_m - (phi if self.isotropic else 0) + math.pi) / (2 * math.pi)) % 1.0
@@ -174,6 +174,7 @@ class Rgl:
         factor = self.table("ndf", u, v) / (
             4 * self.table("sigma", math.sqrt(theta * 2 / math.pi), (phi + math.pi) / (2 * math.pi))
         )
+        factor /= light[2]  # the file has f_r cos θ
         n = self.side * self.side
         return [
             factor
@@ -185,11 +186,11 @@ class Rgl:
         ]
 
     def nodes(self):
-        """Some of them, whose view lies well above the surface."""
+        """Some of them, whose light lies well above the surface."""
         for p in range(0, len(self.phi), 5):
             for t in range(1, len(self.theta), 4):
                 density = self.density([(p * len(self.theta) + t, 1.0)])
-                light = [
+                view = [
                     math.sin(self.theta[t]) * math.cos(self.phi[p]),
                     math.sin(self.theta[t]) * math.sin(self.phi[p]),
                     math.cos(self.theta[t]),
@@ -204,9 +205,9 @@ class Rgl:
                             math.sin(theta_m) * math.sin(phi_m),
                             math.cos(theta_m),
                         ]
-                        twice = 2 * sum(a * b for a, b in zip(light, m))
-                        view = [twice * a - b for a, b in zip(m, light)]
-                        if view[2] > 0.05:
+                        twice = 2 * sum(a * b for a, b in zip(view, m))
+                        light = [twice * a - b for a, b in zip(m, view)]
+                        if light[2] > 0.05:
                             yield light + view
 
 
@@ -304,4 +305,5 @@ def main(what, *rest):
                     )
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -7,7 +7,7 @@
 #include <stdio.h>
 
 static char *output, *region, *texel;
-static gboolean isotropic;
+static gboolean isotropic, rgb_only;
 
 #define OUTPUT_ENTRY(name)                                                                         \
     { "output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", name }
@@ -23,6 +23,8 @@ static const GOptionEntry bsdf_entries[] = {
     SHARED_ENTRIES,
     {"isotropic", 0, 0, G_OPTION_ARG_NONE, &isotropic,
      "Write the mean over rotations about the normal, which takes a thirtieth of the size", NULL},
+    {"rgb", 0, 0, G_OPTION_ARG_NONE, &rgb_only, "Write no spectra, for the RGB variants of Mitsuba",
+     NULL},
     {NULL},
 };
 
@@ -48,8 +50,9 @@ static gboolean parse_texel(struct import_region *ret) {
 
 static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     const struct command *command = call->command;
-    struct brdf_export export = {.material = call->arguments[0],
-                                 .options = {.kind = kind, .isotropic = isotropic}};
+    struct brdf_export export = {
+        .material = call->arguments[0],
+        .options = {.kind = kind, .isotropic = isotropic, .rgb_only = rgb_only}};
     const struct export_brdf_result *result = &export.result;
     Record *to = call->record;
     double seconds = 0;
@@ -100,7 +103,8 @@ static int merl_run(const struct call *call, GError **error) {
 const struct command exchange_bsdf = {
     .name = "export bsdf",
     .arguments = "DIR|FILE -o FILE.bsdf",
-    .examples = "  mesorig export bsdf weave.session -o weave.bsdf\n",
+    .examples = "  mesorig export bsdf weave.session -o weave.bsdf\n"
+                "  mesorig export bsdf weave.session --rgb -o weave_rgb.bsdf\n",
     .help = "Export the mean BRDF of a material in the format of RGL.",
     .options = bsdf_entries,
     .min = 1,

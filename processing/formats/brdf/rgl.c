@@ -6,7 +6,8 @@
 #include "tensor_file.h"
 #include "warp.h"
 
-#define MAX_NODES 4096
+#define MAX_NODES  4096
+#define MIN_COSINE 1e-6
 
 struct rgl {
     TensorFile *file;
@@ -220,7 +221,7 @@ void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[
     static const struct warp_slices only = {1, {0}, {1}};
     double in[3], out[3], m[3], length = 0, sample[2];
     for (int k = 0; k < 3; k++)
-        in[k] = (double)light[k], out[k] = (double)view[k];
+        in[k] = (double)view[k], out[k] = (double)light[k];
     mirror(rgl, in, out);
     for (int k = 0; k < 3; k++) {
         m[k] = in[k] + out[k];
@@ -232,12 +233,12 @@ void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[
     const double phi_m = atan2(m[1], m[0]) - (rgl->isotropic ? phi_i : 0);
     const double u = rgl_u_of_theta(elevation(m)), u_phi = rgl_u_of_phi(phi_m);
     const struct warp_slices slices = rgl_slices(rgl, phi_i, theta_i);
-    double factor = 1, rgb[3] = {0};
+    double factor = 1 / MAX(out[2], MIN_COSINE), rgb[3] = {0};
     warp_invert(rgl->vndf, &slices, u, u_phi, sample);
     if (rgl->jacobian) {
         const double sigma = warp_table_value(&rgl->sigma, &only, rgl_u_of_theta(theta_i),
                                               (phi_i + G_PI) / (2 * G_PI));
-        factor = warp_table_value(&rgl->ndf, &only, u, u_phi) / (4 * sigma);
+        factor *= warp_table_value(&rgl->ndf, &only, u, u_phi) / (4 * sigma);
     }
     for (int k = 0; k < rgl->n_channels; k++) {
         struct warp_slices channel = slices;

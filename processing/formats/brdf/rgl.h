@@ -1,22 +1,24 @@
-/* RGL's .bsdf files (Dupuy & Jakob 2018). A file is a tensor file (tensor_file.h) with the
- * following fields, all float32 except the last two. P and T are the numbers of φ_i and θ_i:
- *   phi_i[P], theta_i[T]     directions of incidence, in radians, ascending. With P ≤ 2 the BRDF is
- *                            isotropic.
- *   ndf[b][a], sigma[b][a]   distribution of normals D(m), and projected area σ(ω_i)
- *   vndf[P][T][b][a]         density of visible normals, up to a factor
- *   luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
+/* RGL's .bsdf files (Dupuy & Jakob 2018), as RGL's loaders and Mitsuba read them. A file is a
+ * tensor file (tensor_file.h) with the following fields, all float32 except the last two. P and T
+ * are the numbers of φ_i and θ_i: phi_i[P], theta_i[T]     directions of incidence, in radians,
+ * ascending. With P ≤ 2 the BRDF is isotropic. ndf[b][a], sigma[b][a]   distribution of normals
+ * D(m), and projected area σ(ω_i) vndf[P][T][b][a]         density of visible normals, up to a
+ * factor luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
  *                            sampling
  *   rgb[P][T][3][n][n]       linear sRGB in sample space; instead of it, there may be
  *                            spectra[P][T][W][n][n] and wavelengths[W] in nm
- *   jacobian[1] (u8)         1 if rgb and spectra are f_r · 4σ/D, as below; 0 if they are f_r
+ *   jacobian[1] (u8)         1 if rgb and spectra are f_r cos θ_o · 4σ/D, as below; 0 if they are
+ *                            f_r cos θ_o
  *   description (u8)         a text
  * Directions are mapped to the unit square by u = √(2θ/π) (a, the columns) and u_φ = (φ + π)/2π (b,
  * the rows), so that θ = π u²/2. The half vector m = (ω_i + ω_o) / |ω_i + ω_o| has the coordinates
  * u_m. If the BRDF is isotropic, φ_i is subtracted from its φ. s is the inverse warp of vndf at ω_i
  * (warp.h), applied to u_m. Then
- *   f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))                      (Dupuy & Jakob 2018).
- * All tables are linear between their nodes. Here ω_i is the light and ω_o the view; the files of
- * RGL are reciprocal. Files with only half or a quarter of the azimuths are completed by mirroring.
+ *   f_r(ω_i, ω_o) cos θ_o = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))              (Dupuy & Jakob 2018).
+ * All tables are linear between their nodes. Here ω_i is the view and ω_o the light, because path
+ * tracers start at the eye: Mitsuba evaluates a file in this way. The files of RGL are reciprocal,
+ * so that the order makes no difference there. Files with only half or a quarter of the azimuths
+ * are completed by mirroring.
  *
  * Spectra become colours by the CIE's 1931 observer under equal energy, with the functions of Wyman
  * et al. 2013 eq. 4. X, Y and Z are scaled so that a spectrum of ones is white (1, 1, 1). */
@@ -30,12 +32,16 @@ struct rgl;
 struct rgl *rgl_read(const char *path, GError **error);
 void rgl_free(struct rgl *rgl); /* NULL is ignored */
 
+/* Gives f_r. */
 void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[3], float ret[3]);
 
 struct rgl_options {
     gboolean isotropic; /* whether to write the mean of f over n_turns rotations about the normal */
     int n_turns;
     const char *description;
+    /* whether to leave out spectra. Some programs, such as Mitsuba, take a file with spectra for a
+     * spectral file even if the file has rgb as well */
+    gboolean rgb_only;
 };
 
 struct rgl_result {
@@ -43,17 +49,18 @@ struct rgl_result {
     int n_phi, n_theta, resolution;
 };
 
-/* Writes f_r as a .bsdf file, with rgb and, for programs that read only spectra, with spectra at
- * six wavelengths that have the same colours. D is found from the retro-reflection by power
+/* Writes f_r as a .bsdf file, with rgb and, unless rgb_only is TRUE, with spectra at six
+ * wavelengths that have the same colours. D is found from the retro-reflection by power
  * iteration (Dupuy et al. 2015; Dupuy & Jakob 2018). With f of luminance,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1.
  * D is kept above 0.3/π; D of the uniform hemisphere is 1/π. σ(ω) = ∫ ⟨ω, m⟩ D(m) dm. vndf is the
  * mean of a constant and of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du. Neither the minimum of D nor the
  * constant changes f_r at the nodes of the file. Between the nodes, the product of D and of rgb,
  * which contains 1/D, is wrong where D changes much within a cell. The minimum and the constant
- * reduce this error to 0.3 … 0.8 % of f (RMS) for rough and glossy metals on a diffuse base. The
+ * reduce this error. It is 0.4 % (isotropic) and 0.8 % (anisotropic) of f_r cos θ_o (RMS) for rough
+ * metals on a diffuse base. The
  * table luminance is meant for importance sampling. A node of rgb whose ω_o is below the surface
- * has the value for ω_o near the horizon. The progress stage is "export". */
+ * is 0. The progress stage is "export". */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,
                    struct rgl_result *ret, GError **error);

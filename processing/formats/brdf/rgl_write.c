@@ -154,18 +154,20 @@ static void fill_vndf(const struct rgl_writing *writing, const double in[3], dou
         }
 }
 
-/* Gives the direction into which the microfacet m reflects light from `in`. A direction below the
- * surface is replaced by one just above the horizon. */
-static void reflect(const double in[3], const double m[3], double ret[3]) {
+/* Gives the direction from which the microfacet m reflects light into `in`, and returns its cosine.
+ * For a direction below the surface, returns 0 and gives a direction just above the horizon. */
+static double reflect(const double in[3], const double m[3], double ret[3]) {
     const double twice = 2 * dot(in, m);
     for (int k = 0; k < 3; k++)
         ret[k] = twice * m[k] - in[k];
-    if (ret[2] >= HORIZON)
-        return;
+    const double cosine = MAX(ret[2], 0);
+    if (cosine >= HORIZON)
+        return cosine;
     ret[2] = HORIZON;
     const double length = sqrt(dot(ret, ret));
     for (int k = 0; k < 3; k++)
         ret[k] /= length;
+    return cosine;
 }
 
 /* Fills the tables of one direction of incidence. */
@@ -191,9 +193,9 @@ static void fill(int slice, gpointer data) {
         warp_sample(warp, &only, column / (SIDE - 1.0), row / (SIDE - 1.0), u);
         direction(rgl_theta_of_u(u[0]),
                   rgl_phi_of_u(u[1]) + (writing->options->isotropic ? phi_i : 0), m);
-        reflect(in, m, out);
-        function(writing, in, out, f);
-        const double factor = 4 * area / warp_table_value(&ndf, &only, u[0], u[1]);
+        const double cosine = reflect(in, m, out);
+        function(writing, out, in, f);
+        const double factor = 4 * area * cosine / warp_table_value(&ndf, &only, u[0], u[1]);
         for (int c = 0; c < 3; c++)
             rgb[c * SIDE * SIDE + i] = (float)(f[c] * factor);
         for (int k = 0; k < RGL_WAVELENGTHS; k++) {
@@ -201,7 +203,7 @@ static void fill(int slice, gpointer data) {
             values[k * SIDE * SIDE + i] =
                 (float)(factor * (mix[0] * f[0] + mix[1] * f[1] + mix[2] * f[2]));
         }
-        luminance[i] = (float)(MAX(rgl_luminance(f), 0) * factor * out[2]);
+        luminance[i] = (float)(MAX(rgl_luminance(f), 0) * factor);
         mean += (double)luminance[i] / (SIDE * SIDE);
     }
     for (int i = 0; i < SIDE * SIDE; i++)
@@ -225,10 +227,13 @@ static gboolean fields(const char *path, const struct rgl_writing *writing,
                     (const gsize[]){phis, N_THETA, SIDE, SIDE}, writing->luminance);
     tensor_file_add(file, "rgb", TENSOR_FLOAT32, 5, (const gsize[]){phis, N_THETA, 3, SIDE, SIDE},
                     writing->rgb);
-    tensor_file_add(file, "wavelengths", TENSOR_FLOAT32, 1, (const gsize[]){RGL_WAVELENGTHS},
-                    rgl_wavelengths_nm);
-    tensor_file_add(file, "spectra", TENSOR_FLOAT32, 5,
-                    (const gsize[]){phis, N_THETA, RGL_WAVELENGTHS, SIDE, SIDE}, writing->values);
+    if (!options->rgb_only) {
+        tensor_file_add(file, "wavelengths", TENSOR_FLOAT32, 1, (const gsize[]){RGL_WAVELENGTHS},
+                        rgl_wavelengths_nm);
+        tensor_file_add(file, "spectra", TENSOR_FLOAT32, 5,
+                        (const gsize[]){phis, N_THETA, RGL_WAVELENGTHS, SIDE, SIDE},
+                        writing->values);
+    }
     tensor_file_add(file, "jacobian", TENSOR_UINT8, 1, (const gsize[]){1}, &jacobian);
     return tensor_file_write(path, file, error);
 }

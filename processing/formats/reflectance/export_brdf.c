@@ -29,8 +29,10 @@ gboolean export_brdf(const char *material, const char *file,
     }
     g_autofree char *name = g_path_get_basename(material);
     g_autofree char *text = g_strdup_printf("%s, mesorig %s", name, MESORIG_VERSION);
-    const struct rgl_options rgl = {
-        .isotropic = options->isotropic, .n_turns = TURNS, .description = text};
+    const struct rgl_options rgl = {.isotropic = options->isotropic,
+                                    .n_turns = TURNS,
+                                    .description = text,
+                                    .rgb_only = options->rgb_only};
     struct rgl_result result;
     return rgl_write(file, abrdf_evaluate, abrdf, &rgl, work, &result, error);
 }

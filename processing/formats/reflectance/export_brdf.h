@@ -14,6 +14,7 @@ struct export_brdf_options {
     struct import_region region;
     /* for BRDF_RGL: whether to write the mean over rotations about the normal */
     gboolean isotropic;
+    gboolean rgb_only; /* for BRDF_RGL: whether to leave out spectra */
 };
 
 struct export_brdf_result {

@@ -126,7 +126,8 @@ static void check_nodes(const char *path, const struct metal *of) {
     }
 }
 
-/* Relative RMS difference of what the peer reads in a file from the function, at random pairs. */
+/* Relative RMS difference of what the peer reads in a file from the function, at random pairs. Both
+ * are multiplied by the cosine of the light, as the light that a surface reflects is. */
 static double peer_error(const char *kind, const char *path, const struct metal *of) {
     g_autofree double *pairs = random_pairs();
     g_autofree double *values = peer_values(kind, path, pairs, PAIRS, 3);
@@ -137,11 +138,13 @@ static double peer_error(const char *kind, const char *path, const struct metal 
         floats(pairs + 6 * i + 3, view);
         metal(light, view, rgb, (gpointer)of);
         for (gsize c = 0; c < 3; c++) {
-            const double difference = values[3 * i + c] - (double)rgb[c];
+            const double cosine = pairs[6 * i + 2], truth = cosine * (double)rgb[c];
+            const double difference = cosine * values[3 * i + c] - truth;
             differences += difference * difference;
-            squares += (double)rgb[c] * (double)rgb[c];
+            squares += truth * truth;
         }
     }
+    g_test_message("%s: %.2f %% RMS", kind, 100 * sqrt(differences / squares));
     return sqrt(differences / squares);
 }
 
@@ -189,6 +192,33 @@ TEST(rgl__spectra) {
             assert_near((double)again[c], (double)rgb[c]);
         /* Red reflects most: the red end of the spectrum is above its blue end. */
         g_assert_cmpfloat(spectra[6 * i + 5], >, spectra[6 * i]);
+    }
+}
+
+/* A file without spectra has the same values, and lacks what makes it a spectral file to Mitsuba.
+ */
+TEST(rgl__rgb_only) {
+    g_autofree char *path = in_folder("rgb.bsdf"),
+                    *both = write_rgl("metal.bsdf", &isotropic, TRUE);
+    const struct rgl_options options = {.isotropic = TRUE, .n_turns = 1, .rgb_only = TRUE};
+    struct rgl_result result;
+    ok(rgl_write(path, metal, (gpointer)&isotropic, &options, &quietly, &result, ERR));
+    g_autoptr(TensorFile) file = ok(tensor_file_read(path, ERR));
+    for (guint i = 0; i < file->fields->len; i++) {
+        const struct tensor_field *field = file->fields->pdata[i];
+        g_assert_cmpstr(field->name, !=, "wavelengths");
+        g_assert_cmpstr(field->name, !=, "spectra");
+    }
+    g_autoptr(Brdf) whole = brdf_open(both, BRDF_RGL, NULL, NULL);
+    g_autoptr(Brdf) only = brdf_open(path, BRDF_RGL, NULL, NULL);
+    g_autofree double *pairs = random_pairs();
+    for (gsize i = 0; i < PAIRS; i++) {
+        float light[3], view[3], rgb[3], again[3];
+        floats(pairs + 6 * i, light);
+        floats(pairs + 6 * i + 3, view);
+        brdf_evaluate(light, view, rgb, whole);
+        brdf_evaluate(light, view, again, only);
+        g_assert_cmpmem(rgb, sizeof rgb, again, sizeof again);
     }
 }
 
