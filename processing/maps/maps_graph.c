@@ -14,6 +14,11 @@ static const char *usd_type(const char *type) {
     return type;
 }
 
+char *maps_graph_name(const char *name) {
+    char *ret = g_strconcat(g_ascii_isdigit(*name) ? "_" : "", name, NULL);
+    return g_strdelimit(ret, "-", '_');
+}
+
 void maps_graph_begin(const struct maps_graph *graph, const char *category, const char *variant,
                       const char *type, const char *name) {
     if (graph->material)

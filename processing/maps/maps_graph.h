@@ -10,6 +10,10 @@ struct maps_graph {
     const char *material;
 };
 
+/* Returns the name of maps as a name of nodes and of prims of USD, which may not contain "-" and,
+ * in USD, may not begin with a digit; g_free(). */
+char *maps_graph_name(const char *name);
+
 /* Begins a node. category is MaterialX's name of the node, type the type of its output. The name of
  * its definition in MaterialX's libraries is ND_CATEGORY_VARIANT. Inputs follow. */
 void maps_graph_begin(const struct maps_graph *graph, const char *category, const char *variant,

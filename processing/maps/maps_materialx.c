@@ -158,13 +158,14 @@ static GString *document(const struct maps *maps, const struct maps_materialx_na
     const struct maps_graph graph = {
         .text = g_string_new("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" "
                              "colorspace=\"lin_rec709\">\n")};
+    g_autofree char *name = maps_graph_name(maps->name);
     surface(&graph, maps, names);
     image(&graph, maps, "Height", "float", FALSE, FALSE);
     maps_graph_begin(&graph, "displacement", "float", "displacementshader", "relief");
     maps_graph_link(&graph, "displacement", "float", "map_Height");
     maps_graph_number(&graph, "scale", maps->relief_mm / 1000);
     maps_graph_end(&graph, "displacement", "displacementshader");
-    maps_graph_begin(&graph, "surfacematerial", "", "material", maps->name);
+    maps_graph_begin(&graph, "surfacematerial", "", "material", name);
     maps_graph_link(&graph, "surfaceshader", "surfaceshader", "surface");
     maps_graph_link(&graph, "displacementshader", "displacementshader", "relief");
     maps_graph_end(&graph, "surfacematerial", "material");

@@ -6,12 +6,6 @@
 #include "maps_materialx.h"
 #include "maps_shapes.h"
 
-/* Returns the name of a prim, which may not contain "-" and may not begin with a digit. */
-static char *prim_name(const char *name) {
-    char *ret = g_strconcat(g_ascii_isdigit(*name) ? "_" : "", name, NULL);
-    return g_strdelimit(ret, "-", '_');
-}
-
 static void tuple(GString *to, const float *values, int n) {
     for (int k = 0; k < n; k++) {
         char text[G_ASCII_DTOSTR_BUF_SIZE];
@@ -169,7 +163,7 @@ static void usd_material(GString *to, const struct maps *maps, const char *name,
 }
 
 gboolean maps_add_usd(const struct maps *maps, int shapes, MapsFiles *files, GError **error) {
-    g_autofree char *name = prim_name(maps->name);
+    g_autofree char *name = maps_graph_name(maps->name);
     g_autofree char *material = g_strdup_printf("/%s/Materials/%s", name, name);
     GString *to = g_string_new("#usda 1.0\n(\n    customLayerData = {\n"
                                "        string creator = \"mesorig " MESORIG_VERSION "\"\n    }\n");

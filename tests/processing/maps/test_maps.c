@@ -375,6 +375,18 @@ static char *usd_checked(const struct maps *maps, const char *folder) {
     return process_text(0, argv);
 }
 
+/* The material of a MaterialX document has a name without "-", which MaterialX refuses. */
+static void check_material_name(const struct maps *maps) {
+    g_autoptr(MapsFiles) files = maps_files_new();
+    g_autofree char *folder = g_build_filename(session_fixture_folder, "mtlx", NULL), *text = NULL;
+    g_autofree char *file = g_build_filename(folder, "7-planted_openpbr.mtlx", NULL);
+    ok(maps_add_materialx(maps, files, ERR));
+    ok(maps_files_write_folder(files, folder, FALSE, ERR));
+    g_assert_true(g_file_get_contents(file, &text, NULL, NULL));
+    assert_has(text, "<surfacematerial name=\"_7_planted\" type=\"material\">");
+    assert_has(text, "value=\"7-planted_BaseColor.png\"");
+}
+
 /* USD, read by others. Names of prims may neither begin with a digit nor contain "-". */
 TEST(usd) {
     static const char *const expected[] = {"2 14 18 ", "2 20 24 ", "2 13 16 "};
@@ -386,6 +398,8 @@ TEST(usd) {
         g_autoptr(Maps) maps = maps_of_model(btf, k == 2 ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
         g_autofree char *said = usd_checked(maps, folders[k]);
         assert_has(said, expected[k]);
+        if (k == 0)
+            check_material_name(maps);
     }
 }
 
