@@ -4,6 +4,7 @@
     formats.py usd BUILD FOLDER SESSION…         usd-core, and Blender with its USD and MaterialX
     formats.py materialx BUILD FOLDER SESSION…   MaterialX validates and draws its documents
     formats.py bsdf BUILD FOLDER SESSION…        Mitsuba 3 reads .bsdf by its plug-in “measured”
+    formats.py mitsuba BUILD FOLDER SESSION…     the plug-in contrib/mitsuba (BUILD has no sanitizers)
 
 makes a virtual environment in FOLDER/venv with packages from PyPI (1.4 GB), exports each session with
 BUILD/bin/mesorig into FOLDER, and prints a row for each. A name of tests/bench/capture_materials stands for
@@ -136,6 +137,17 @@ def check_bsdf(build, folder, session):
     return bad
 
 
+def check_mitsuba(build, folder, session):
+    plugin = os.path.join(HERE, "..", "..", "..", "contrib", "mitsuba")
+    paths = {
+        "PYTHONPATH": os.path.join(HERE, "..", "..", "..", "python"),
+        "LD_LIBRARY_PATH": os.path.join(build, "processing"),
+    }
+    print(name_of(session), flush=True)
+    check = [sys.executable, f"{plugin}/check.py", f"{build}/bin/mesorig", session, folder]
+    return subprocess.run(check, env=os.environ | paths).returncode
+
+
 def captured(build, folder, name):
     """The session of this name or path."""
     if os.path.isdir(name):
@@ -147,7 +159,12 @@ def captured(build, folder, name):
     return session
 
 
-CHECKS = {"usd": check_usd, "materialx": check_materialx, "bsdf": check_bsdf}
+CHECKS = {
+    "usd": check_usd,
+    "materialx": check_materialx,
+    "bsdf": check_bsdf,
+    "mitsuba": check_mitsuba,
+}
 
 if __name__ == "__main__":
     if len(sys.argv) < 5 or sys.argv[1] not in CHECKS:
