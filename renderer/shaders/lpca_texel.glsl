@@ -95,13 +95,12 @@ vec3 btf_texel(vec2 x) {
 #elif N_LEVELS == 1
     return at_level(x, 0);
 #else
+    // Without a loop, because llvmpipe fetches all four pixels of a quad at the level of the first,
+    // and in a loop the first pixel may have stopped before.
     float level = mip_level(x, textureSize(clusters, 0), N_LEVELS), part = fract(level);
-    vec3 sum = vec3(0.0);
-    for (int k = 0; k < 2; k++) {
-        sum += (k == 0 ? 1.0 - part : part) * at_level(x, int(level) + k);
-        if (part <= 0.0)
-            break;
-    }
+    vec3 sum = (1.0 - part) * at_level(x, int(level));
+    if (part > 0.0)
+        sum += part * at_level(x, int(level) + 1);
     return sum;
 #endif
 }
