@@ -162,6 +162,11 @@ Directions *directions_new_triangulated(const float *theta_deg, const float *phi
     return d;
 }
 
+const int *directions_triangles(const Directions *d, int *ret_n) {
+    *ret_n = 0;
+    return d->triangulation ? triangulation_corners(d->triangulation, ret_n) : NULL;
+}
+
 void directions_free(Directions *d) {
     if (d == NULL)
         return;

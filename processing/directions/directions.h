@@ -41,6 +41,11 @@ Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, 
  * of them have a weight for any direction. */
 Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
                                         GError **error);
+/* Returns the corners of all triangles (*ret_n × 3), as indices of directions, and the number of
+ * triangles as *ret_n. Seen from outside of the hemisphere, the corners are counter-clockwise.
+ * *ret_n is 0 if the directions form rings or lie on one plane through the nadir. The array is
+ * owned by the object. */
+const int *directions_triangles(const Directions *directions, int *ret_n);
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 

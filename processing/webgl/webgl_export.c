@@ -47,7 +47,7 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
     const struct lpca *lpca = source->levels[0];
     g_autofree char *base = g_path_get_basename(asked->path);
     const struct webgl_pack pack = {lpca->name && *lpca->name ? lpca->name : base, source->levels,
-                                    source->n_levels, source->shell};
+                                    source->n_levels, source->shell, source->views};
     const int n = grid(asked, &pack, error);
     g_autoptr(GBytes) material = n > 0 ? webgl_pack(&pack, n, work, error) : NULL;
     if (!material)

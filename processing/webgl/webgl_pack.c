@@ -4,7 +4,9 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/direction.h"
 #include "codecs/lpca/lpca_volumes.h"
+#include "directions/directions.h"
 #include "exr/exr_half.h"
 
 #define HALF_MAX 65504.0F
@@ -36,6 +38,24 @@ static gsize shell_bytes(const struct mdf_shell *s) {
     return (gsize)s->width * (gsize)s->height * (gsize)s->depth;
 }
 
+/* Returns the triangulation of the views of an MDF, or NULL if there are no triangles. */
+static Directions *triangulate(const struct mdf_table *views) {
+    int n = 0;
+    g_autoptr(Directions) found =
+        views ? directions_new_triangulated(views->theta_deg, views->phi_deg, views->n_views, NULL)
+              : NULL;
+    if (found)
+        directions_triangles(found, &n);
+    return n > 0 ? g_steal_pointer(&found) : NULL;
+}
+
+static gsize views_bytes(const struct mdf_table *t, const Directions *triangulated) {
+    int n_triangles;
+    directions_triangles(triangulated, &n_triangles);
+    return (gsize)t->n_views * ((gsize)t->width * (gsize)t->height + 3 * sizeof(float)) +
+           3 * sizeof(guint16) * (gsize)n_triangles;
+}
+
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
     const struct totals all = webgl_pack_totals(pack);
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
@@ -43,6 +63,9 @@ gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
     bytes += (gsize)all.clusters * (2 + (gsize)all.components) * webgl_pack_block(n);
     if (pack->shell)
         bytes += shell_bytes(pack->shell);
+    g_autoptr(Directions) triangulated = triangulate(pack->views);
+    if (triangulated)
+        bytes += views_bytes(pack->views, triangulated);
     return (gint64)bytes;
 }
 
@@ -148,6 +171,37 @@ static gboolean webgl_pack_volumes(WebglFile *file, const struct webgl_pack *pac
            webgl_file_add(file, "brdfs", brdfs, clusters * components * block, error);
 }
 
+/* Adds the sections "depths", "directions" and "triangles". */
+static gboolean add_views(WebglFile *file, const struct mdf_table *t,
+                          const Directions *triangulated, double deepest_mm, GError **error) {
+    const gsize n = (gsize)t->width * (gsize)t->height * (gsize)t->n_views;
+    const double scale = deepest_mm > 0.0 ? 255.0 / deepest_mm : 0.0;
+    int n_triangles;
+    const int *corners = directions_triangles(triangulated, &n_triangles);
+    const gsize n_corners = 3 * (gsize)n_triangles, n_floats = 3 * (gsize)t->n_views;
+    g_autofree guint8 *depths = g_new(guint8, n);
+    g_autofree float *views = g_new(float, n_floats);
+    g_autofree guint16 *triangles = g_new(guint16, n_corners);
+    for (gsize k = 0; k < n; k++)
+        depths[k] = (guint8)lrint(CLAMP((double)t->depth_mm[k] * scale, 0.0, 255.0));
+    for (int k = 0; k < t->n_views; k++)
+        direction_from_deg((double)t->theta_deg[k], (double)t->phi_deg[k], views + 3 * (gsize)k);
+    for (gsize k = 0; k < n_corners; k++)
+        triangles[k] = GUINT16_TO_LE((guint16)corners[k]);
+    return webgl_file_add(file, "depths", depths, n, error) &&
+           webgl_file_add(file, "directions", views, sizeof *views * n_floats, error) &&
+           webgl_file_add(file, "triangles", triangles, sizeof *triangles * n_corners, error);
+}
+
+static GVariant *along_info(const struct mdf_table *t) {
+    GVariantDict along;
+    g_variant_dict_init(&along, NULL);
+    g_variant_dict_insert(&along, "width", "i", t->width);
+    g_variant_dict_insert(&along, "height", "i", t->height);
+    g_variant_dict_insert(&along, "views", "i", t->n_views);
+    return g_variant_dict_end(&along);
+}
+
 static GVariant *shell_info(const struct mdf_shell *s) {
     GVariantDict shell;
     g_variant_dict_init(&shell, NULL);
@@ -162,7 +216,8 @@ static GVariant *shell_info(const struct mdf_shell *s) {
     return g_variant_dict_end(&shell);
 }
 
-static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n) {
+static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n,
+                                 gboolean along) {
     const struct btf_layout *layout = &pack->levels[0]->layout;
     GVariantDict info;
     GVariantBuilder levels;
@@ -181,6 +236,8 @@ static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct tot
     g_variant_dict_insert(&info, "views", "i", (int)pack->levels[0]->layout.views.n);
     if (pack->shell)
         g_variant_dict_insert_value(&info, "shell", shell_info(pack->shell));
+    if (along)
+        g_variant_dict_insert_value(&info, "along", along_info(pack->views));
     return g_variant_dict_end(&info);
 }
 
@@ -189,6 +246,7 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
     const struct totals all = webgl_pack_totals(pack);
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
     g_autoptr(WebglFile) file = webgl_file_new();
+    g_autoptr(Directions) triangulated = triangulate(pack->views);
     if (all.clusters > G_MAXUINT16) {
         data_error_set(pack->name, 0, error,
                        "the mip levels have %d clusters together, but a web file can have at most "
@@ -199,7 +257,8 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
     if (!webgl_pack_texels(file, pack, &all, error) ||
         !webgl_pack_volumes(file, pack, &all, n, work, error) ||
         (pack->shell &&
-         !webgl_file_add(file, "shell", pack->shell->values, shell_bytes(pack->shell), error)))
+         !webgl_file_add(file, "shell", pack->shell->values, shell_bytes(pack->shell), error)) ||
+        (triangulated && !add_views(file, pack->views, triangulated, pack->shell->depth_mm, error)))
         return NULL;
-    return webgl_file_bytes(file, webgl_pack_info(pack, &all, n));
+    return webgl_file_bytes(file, webgl_pack_info(pack, &all, n, triangulated != NULL));
 }

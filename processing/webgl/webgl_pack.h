@@ -13,12 +13,20 @@
  *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
  *   shell         the values of mdf_shell.h: depth × height × width bytes; only if there is an MDF.
  *                 The header has the other members of mdf_shell.h in "shell".
+ * The following sections have the measured views of the MDF. They are missing if there is no MDF,
+ * or if its views cannot be triangulated. The header has width, height and the number of views in
+ * "along".
+ *   depths        views × height × width bytes: depths below the reference plane, as shares of the
+ *                 shell's depth_mm; 255 is depth_mm
+ *   directions    views × 3 floats: unit vectors towards the views
+ *   triangles     n × 3 × uint16: corners of the triangles of the views (directions_triangles())
  */
 #pragma once
 
 #include "base/work.h"
 #include "codecs/lpca/lpca.h"
 #include "mdf/mdf_shell.h"
+#include "mdf/mdf_table.h"
 #include "webgl_file.h"
 
 #define WEBGL_PACK_GRID_MIN 4
@@ -31,6 +39,7 @@ struct webgl_pack {
     struct lpca *const *levels;
     int n_levels;
     const struct mdf_shell *shell; /* NULL if there is no MDF */
+    const struct mdf_table *views; /* measured views of the MDF; NULL if there is none */
 };
 
 /* Returns the number of bytes of all sections before compression, with a grid of n_grid. */

@@ -93,13 +93,15 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     return source->n_levels > 0;
 }
 
-/* Reads an MDF in any form and makes the shell that mesorig-view draws. */
-static gboolean read_shell(struct webgl_source *source, const char *file, GError **error) {
+/* Reads an MDF in any form. Takes its measured views, and makes the shell that mesorig-view draws.
+ */
+static gboolean read_mdf(struct webgl_source *source, const char *file, GError **error) {
     struct mdf_source *mdf = mdf_source_read(file, error);
     if (!mdf)
         return FALSE;
-    g_autoptr(MdfTable) decoded = mdf->factors ? mdf_factors_table(mdf->factors) : NULL;
-    source->shell = mdf_shell_new(decoded ? decoded : mdf->table);
+    source->views =
+        mdf->factors ? mdf_factors_table(mdf->factors) : mdf_table_copy_measured(mdf->table);
+    source->shell = mdf_shell_new(source->views);
     mdf_source_free(mdf);
     return TRUE;
 }
@@ -118,12 +120,13 @@ gboolean webgl_source_open(struct webgl_source *source, const char *path, const 
                             : convert(source, path, work, error);
     if (!ok || (!mdf && !g_file_test(beside, G_FILE_TEST_EXISTS)))
         return ok;
-    return read_shell(source, mdf ? mdf : beside, error);
+    return read_mdf(source, mdf ? mdf : beside, error);
 }
 
 void webgl_source_clear(struct webgl_source *source) {
     for (int k = 0; k < source->n_levels; k++)
         lpca_free(source->levels[k]);
     mdf_shell_free(source->shell);
+    mdf_table_free(source->views);
     *source = (struct webgl_source){0};
 }

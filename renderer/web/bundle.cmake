@@ -3,7 +3,7 @@
 # WEB and SHADERS are the folders of the sources.
 set(names mesh.vert screen.vert frame.glsl places.glsl levels.glsl lpca_texel.glsl lpca_revised.glsl
     further.glsl lamps.glsl surface.frag shadow.glsl visible.glsl surface_relief.frag directions.glsl
-    sight.glsl curved.glsl meets.glsl relief.glsl shell.glsl peel_back.frag peel_front.frag shadow_map.frag background.frag tone.glsl resolve.frag)
+    sight.glsl curved.glsl along.glsl meets.glsl relief.glsl shell.glsl peel_back.frag peel_front.frag shadow_map.frag background.frag tone.glsl resolve.frag)
 # The order is that of who imports whom.
 set(modules vectors.js material_file.js gpu.js local_pca.js shapes.js camera.js relief.js viewer.js page.js)
 

@@ -11,6 +11,9 @@ const arrays = {
   means: Uint16Array, // halves
   brdfs: Int8Array,
   shell: Uint8Array,
+  depths: Uint8Array,
+  directions: Float32Array,
+  triangles: Uint16Array,
 };
 
 async function inflate(bytes) {
@@ -26,6 +29,17 @@ function checkShell({ shell, data }) {
   if (!data.shell || data.shell.length !== size || !lengths.every(x => Number.isFinite(x) && x >= 0) ||
       shell.width_mm === 0 || shell.height_mm === 0)
     throw new Error("The material is damaged: its shell does not have the size that the header gives; export the material again.");
+}
+
+// Checks the views of the MDF against the header, before textures of this size are made.
+function checkViews({ along, shell, data }) {
+  const counts = [along.width, along.height, along.views];
+  const size = counts.every(n => Number.isInteger(n) && n > 0) ? counts[0] * counts[1] * counts[2] : 0;
+  const { depths, directions, triangles } = data;
+  if (!shell || !depths || !directions || !triangles || depths.length !== size || directions.length !== 3 * along.views ||
+      triangles.length === 0 || triangles.length % 3 !== 0 || triangles.some(k => k >= along.views) ||
+      !directions.every(Number.isFinite))
+    throw new Error("The material is damaged: its views do not have the number and size that the header gives; export the material again.");
 }
 
 // Resolves to the header, with its sections as typed arrays in "data". bytes is a Uint8Array.
@@ -56,6 +70,7 @@ export async function readMaterial(bytes, progress = () => {}) {
     progress((at - headAt - length) / whole);
   }
   if (material.shell) checkShell(material);
+  if (material.along) checkViews(material);
   return material;
 }
 

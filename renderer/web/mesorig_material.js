@@ -63,13 +63,14 @@ export class MesorigMaterial extends RawShaderMaterial {
   //   shadows        show the shadows that the mesh casts on itself
   //   layers         number of parts of the mesh that may lie behind each other
   //   shadowMap      width and height of the shadow map, in texels
-  // The setting toned is only read here. TRUE writes sRGB, for the canvas. FALSE writes linear light, for
+  // The settings alongSurface and toned are only read here. alongSurface reads each measured view
+  // where it shows the point that a ray meets, and needs silhouettes. toned: TRUE writes sRGB, for the canvas. FALSE writes linear light, for
   // a render target of floats.
   constructor(renderer, material, settings = {}) {
     super({ glslVersion: GLSL3 });
     this.renderer = renderer;
     this.settings = { tiles: [1, 1], light: new Vector3(0, 0, 1), brightness: 1, ambient: 0.05,
-      exposure: 0.7, silhouettes: true, shadows: true, shadowMap: 1024, layers: 4, ...settings };
+      exposure: 0.7, silhouettes: true, alongSurface: false, shadows: true, shadowMap: 1024, layers: 4, ...settings };
     this.captured = material;
     this.shared = new Map();
     this.meshes = new WeakMap();
@@ -77,14 +78,18 @@ export class MesorigMaterial extends RawShaderMaterial {
     this.pca = new LocalPca(this.gpu, material);
     this.relief = new Relief(this.gpu, material);
     renderer.resetState();
-    const constants = "#define CURVED 1\n#define ALONG 0\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
+    this.along = Boolean(this.settings.alongSurface && material.along);
+    const constants = `#define CURVED 1\n#define ALONG ${this.along ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
+      "#define AMBIENT 1\n" +
       `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
     this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
     this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,
-      ["frame.glsl", "places.glsl", ...localPcaShaders, "shadow.glsl", "further.glsl", "lamps.glsl",
-        "visible.glsl", "curved.glsl", "surface_relief.frag", "tone.glsl"])) + ending;
+      ["frame.glsl", "places.glsl", ...(this.along ? ["directions.glsl"] : []), ...localPcaShaders, "shadow.glsl",
+        "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", ...(this.along ? ["along.glsl"] : []),
+        "surface_relief.frag", "tone.glsl"])) + ending;
     this.put({ clusters: Texture, weights: DataArrayTexture, means: Data3DTexture, brdfs: Data3DTexture,
-      view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture },
+      view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture,
+      along_indices: Texture, along_weights: Texture, along_views: Texture, along_depths: DataArrayTexture },
     { ...this.pca.uniforms, n_lamps: 0 });
   }
 
@@ -138,7 +143,7 @@ export class MesorigMaterial extends RawShaderMaterial {
     const tiles = [...settings.tiles];
     this.relief.prepare({ mesh, tiles, projection: projection.elements, eye, light,
       width: target ? target.width : size.x, height: target ? target.height : size.y,
-      silhouettes: settings.silhouettes, shadows: settings.shadows, shadowMap: settings.shadowMap });
+      silhouettes: settings.silhouettes, alongSurface: this.along, shadows: settings.shadows, shadowMap: settings.shadowMap });
     renderer.resetState();
     renderer.setRenderTarget(target);
     this.put(this.kinds, { ...this.relief.uniforms, projection: projection.elements.slice(), eye, light, tiles,

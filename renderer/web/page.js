@@ -184,6 +184,8 @@ function showSettings() {
   $("tiles-value").value = `${tiles[0]} × ${tiles[1]}`;
   $("silhouettes").checked = settings.silhouettes && Boolean(viewer.material.shell);
   $("silhouettes").disabled = !viewer.material.shell;
+  $("alongSurface").checked = settings.alongSurface && settings.silhouettes && Boolean(viewer.material.along);
+  $("alongSurface").disabled = !settings.silhouettes || !viewer.material.along;
   $("shadows").checked = settings.shadows;
 }
 
@@ -205,8 +207,11 @@ function listenToControls() {
       showSettings();
     });
   $("tiles").addEventListener("input", chooseTiles);
-  for (const name of ["silhouettes", "shadows"])
-    $(name).addEventListener("change", () => change({ [name]: $(name).checked }));
+  for (const name of ["silhouettes", "alongSurface", "shadows"])
+    $(name).addEventListener("change", () => {
+      change({ [name]: $(name).checked });
+      showSettings();
+    });
   $("reset").addEventListener("click", () => {
     settings = { ...first };
     showSettings();

@@ -56,6 +56,104 @@ class Shell {
   }
 }
 
+// Returns the point of the stereographic plane, seen from the nadir, to which a direction belongs.
+const stereographic = ([x, y, z]) => [x / (1 + z), y / (1 + z)];
+
+// Returns twice the area of a triangle, which is positive if its corners are counter-clockwise.
+const area = (a, b, c) => (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+
+// The triangulation of the measured views, as in processing/directions. points has the views in the
+// stereographic plane. corners has three views per triangle, counter-clockwise.
+class Triangulation {
+  constructor(points, corners) {
+    this.points = points;
+    this.corners = corners;
+    this.last = 0; // the triangle that was found last
+    const edges = new Set();
+    corners.forEach((from, k) => edges.add(`${from},${corners[k % 3 === 2 ? k - 2 : k + 1]}`));
+    // edges of one triangle only, which are the border
+    this.border = [...edges].map(edge => edge.split(",").map(Number)).filter(([a, b]) => !edges.has(`${b},${a}`));
+  }
+
+  // Puts the barycentric weights of p in a triangle into ret. Returns whether p lies in it.
+  weigh(p, triangle, ret) {
+    const [i, j, k] = this.corners.subarray(3 * triangle, 3 * triangle + 3);
+    const a = this.points[i], b = this.points[j], c = this.points[k], whole = area(a, b, c);
+    ret.views = [i, j, k];
+    ret.weights = [area(p, b, c) / whole, area(a, p, c) / whole, area(a, b, p) / whole];
+    return ret.weights.every(weight => weight >= -1e-9);
+  }
+
+  // Returns the three views around p and their weights. A point outside of all triangles has the
+  // weights of the nearest point of the border, which is convex.
+  find(p) {
+    const { points, border } = this, ret = {};
+    if (border.every(([i, j]) => area(points[i], points[j], p) >= 0)) {
+      const n = this.corners.length / 3;
+      for (let k = 0; k < n; k++) {
+        const triangle = (this.last + k) % n;
+        if (!this.weigh(p, triangle, ret)) continue;
+        this.last = triangle;
+        break;
+      }
+      return ret;
+    }
+    let least = Infinity;
+    for (const [i, j] of border) {
+      const [x, y] = points[i], dx = points[j][0] - x, dy = points[j][1] - y;
+      const share = Math.min(Math.max(((p[0] - x) * dx + (p[1] - y) * dy) / (dx * dx + dy * dy), 0), 1);
+      const away = Math.hypot(x + share * dx - p[0], y + share * dy - p[1]);
+      if (away >= least) continue;
+      least = away;
+      ret.views = [i, j, j];
+      ret.weights = [1 - share, share, 0];
+    }
+    return ret;
+  }
+}
+
+// Makes the textures of along.glsl, which have the directions, depths and triangulation of the
+// measured views of the MDF. The table of the triangulation has the same content as that of
+// renderer/drawing/gl/direction_table.c. along is that of the header of a material. Returns uniforms.
+function alongUniforms(gpu, { along, depths, directions, triangles }, deepest_mm) {
+  const gl = gpu.gl, n = along.views, size = 512, views = new Float32Array(4 * n), points = [];
+  if (Math.max(along.width, along.height) > gpu.largest || n > Math.min(gpu.largest, gpu.mostLayers))
+    throw new Error(`The material's ${n} views of ${along.width} × ${along.height} texels are too large for this ` +
+      `device, whose textures have ${gpu.largest} × ${gpu.largest} texels in ${gpu.mostLayers} layers; use another device.`);
+  for (let k = 0; k < n; k++) {
+    views.set(directions.subarray(3 * k, 3 * k + 3), 4 * k);
+    points.push(stereographic(directions.subarray(3 * k, 3 * k + 3)));
+  }
+  const triangulation = new Triangulation(points, triangles);
+  const indices = new Uint16Array(4 * size * size), weights = new Float32Array(4 * size * size);
+  for (let at = 0; at < size * size; at++) {
+    const a = -1 + 2 * (at % size + 0.5) / size, b = -1 + 2 * (Math.floor(at / size) + 0.5) / size;
+    const x = (a + b) / 2, y = (a - b) / 2;
+    const found = triangulation.find(stereographic(unit([x, y, Math.max(1 - Math.abs(x) - Math.abs(y), 0)])));
+    indices.set([...found.views, found.views[0]], 4 * at);
+    weights.set(found.weights, 4 * at);
+  }
+  const texture = (format, w, h, from, kind, values) => {
+    const ret = gpu.texture(gl.TEXTURE_2D, format, w, h);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, w, h, from, kind, values);
+    return ret;
+  };
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+  const ret = {
+    along_indices: texture(gl.RGBA16UI, size, size, gl.RGBA_INTEGER, gl.UNSIGNED_SHORT, indices),
+    along_weights: texture(gl.RGBA32F, size, size, gl.RGBA, gl.FLOAT, weights),
+    along_views: texture(gl.RGBA32F, n, 1, gl.RGBA, gl.FLOAT, views),
+    along_depths: gl.createTexture(),
+    along_mm: deepest_mm,
+  };
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, ret.along_depths);
+  gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_NEAREST);
+  gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.R8, along.width, along.height, n, 0, gl.RED, gl.UNSIGNED_BYTE, depths);
+  gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
+  return ret;
+}
+
 // Finds the visible surface by peeling layers (Wang et al. 2005 fig. 7): first the back faces of a
 // layer, then the front faces before them.
 class Visibility {
@@ -148,14 +246,17 @@ export class Relief {
   constructor(gpu, material) {
     this.gpu = gpu;
     this.shell = material.shell ? new Shell(gpu, material.shell, material.data.shell) : null;
+    const { depths, directions, triangles } = material.data;
+    this.views = material.along ? { along: material.along, depths, directions, triangles } : null;
+    this.along = null; // uniforms of along.glsl
     this.smooth = new Shell(gpu, smooth, new Uint8Array(1));
     this.eye = new Visibility(gpu);
     this.lamp = new Visibility(gpu);
     this.uniforms = {};
   }
 
-  // scene has mesh, tiles, projection, eye, light, width, height, silhouettes, shadows and
-  // shadowMap. Leaves another framebuffer bound. The results are in this.uniforms.
+  // scene has mesh, tiles, projection, eye, light, width, height, silhouettes, alongSurface, shadows
+  // and shadowMap. Leaves another framebuffer bound. The results are in this.uniforms.
   prepare(scene) {
     const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.shell !== null;
     const shell = silhouettes ? this.shell : this.smooth;
@@ -163,6 +264,10 @@ export class Relief {
     if (silhouettes)
       seen = this.eye.find({ mesh, tiles, shell, projection: scene.projection, sight: [...scene.eye, 1],
         reach: 0, width: scene.width, height: scene.height });
+    if (scene.alongSurface && this.views) {
+      this.along = alongUniforms(this.gpu, this.views, this.shell.uniforms.mdf_deepest);
+      this.views = null;
+    }
     if (scene.shadows) this.findShadow(mesh, tiles, shell, light, scene.shadowMap);
     this.uniforms = {
       seen, silhouettes, slack: slack * mesh.radius, curved: silhouettes, mdf_size: shell.size,
@@ -170,6 +275,7 @@ export class Relief {
       shadow_light: light, shadow_right: rightOf(light), shadow_radius: mesh.radius,
       shadow_range: [reach * mesh.radius, range * mesh.radius,
         shadowSlack * 2 * mesh.radius / scene.shadowMap],
+      ...this.along,
     };
   }
 
@@ -202,6 +308,8 @@ export class Relief {
     this.eye.free();
     this.lamp.free();
     for (const shell of [this.shell, this.smooth]) if (shell) gl.deleteTexture(shell.texture);
+    for (const name of this.along ? ["along_indices", "along_weights", "along_views", "along_depths"] : [])
+      gl.deleteTexture(this.along[name]);
     gl.deleteTexture(this.shadowMap || null);
     gl.deleteFramebuffer(this.shadowFrame || null);
   }

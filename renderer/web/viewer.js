@@ -23,6 +23,7 @@ export const defaults = {
   exposure: 0.7,
   ambient: 0.05,
   silhouettes: true,
+  alongSurface: false,
   shadows: true,
   shadowMap: 1024,
   supersample: 1,
@@ -79,15 +80,17 @@ export class Viewer {
     const { projection, eye } = cameraMatrix(this.fitted(s, width / height), mesh.radius, width / height);
     const light = directionFromDeg(s.lightThetaDeg, s.lightPhiDeg), tiles = s.tiles || mesh.tiles;
     const structured = s.silhouettes && this.material.shell, relieved = structured || s.shadows;
+    const along = structured && s.alongSurface && this.material.along;
     relief.prepare({ mesh, tiles, projection, eye, light, width, height, silhouettes: structured,
-      shadows: s.shadows && s.lightBrightness > 0, shadowMap: s.shadowMap });
+      alongSurface: along, shadows: s.shadows && s.lightBrightness > 0, shadowMap: s.shadowMap });
     const names = relieved
-      ? ["shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", "surface_relief.frag"]
+      ? ["shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", ...(along ? ["along.glsl"] : []),
+        "surface_relief.frag"]
       : ["further.glsl", "lamps.glsl", "surface.frag"];
-    const constants = `#define CURVED ${relieved ? 1 : 0}\n#define ALONG 0\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
+    const constants = `#define CURVED ${relieved ? 1 : 0}\n#define ALONG ${along ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
       `#define AMBIENT ${s.ambient > 0 ? 1 : 0}\n`;
     const program = gpu.program(constants + this.pca.constants,
-      ["mesh.vert", "frame.glsl", "places.glsl", ...localPcaShaders, ...names]);
+      ["mesh.vert", "frame.glsl", "places.glsl", ...(along ? ["directions.glsl"] : []), ...localPcaShaders, ...names]);
     this.scene = gpu.target(this.scene, gl.RGBA16F, gl.DEPTH_COMPONENT24, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.scene.framebuffer);
     gl.viewport(0, 0, width, height);

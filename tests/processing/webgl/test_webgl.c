@@ -52,6 +52,10 @@ static const struct view {
  * material. */
 static const struct view knot = {"torus-knot", -90, 50, 30, 250};
 
+/* Drawn with views along the surface. */
+static const struct view along_views[] = {{"torus", -90, 40, 50, 200},
+                                          {"cylinder", 60, 60, 30, 250}};
+
 /* The picture of mesorig.pictureUrl(…) as page.png. */
 static void webgl_test_save(Browser *browser, const char *expression) {
     g_autofree char *url = browser_value(browser, expression);
@@ -62,12 +66,14 @@ static void webgl_test_save(Browser *browser, const char *expression) {
         g_file_set_contents(in_folder("page.png"), (const char *)png, (gssize)size, NULL));
 }
 
-static void webgl_test_draw_page(Browser *browser, const struct view *v) {
+static void webgl_test_draw_page(Browser *browser, const struct view *v, gboolean along) {
     g_autofree char *expression = g_strdup_printf(
         "mesorig.pictureUrl({shape: '%s', cameraAzimuthDeg: %d, cameraElevationDeg: %d, "
-        "lightThetaDeg: %d, lightPhiDeg: %d, supersample: %d, shadowMap: %d}, %d, %d)",
+        "lightThetaDeg: %d, lightPhiDeg: %d, supersample: %d, shadowMap: %d, alongSurface: %s}, "
+        "%d, "
+        "%d)",
         v->shape, v->azimuth_deg, v->elevation_deg, v->theta_deg, v->phi_deg, SAMPLES, SHADOW_MAP,
-        WIDTH, HEIGHT);
+        along ? "true" : "false", WIDTH, HEIGHT);
     webgl_test_save(browser, expression);
 }
 
@@ -80,7 +86,7 @@ static Viewer *webgl_test_viewer(void) {
     return viewer;
 }
 
-static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
+static void webgl_test_draw_view(Viewer *viewer, const struct view *v, gboolean along) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make(v->shape, &(struct scene_options){0}, &error);
     struct viewer_settings settings = viewer_settings_default;
@@ -92,6 +98,7 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     settings.light_phi_deg = v->phi_deg;
     settings.samples = SAMPLES;
     settings.silhouettes = settings.shadows = TRUE;
+    settings.along_surface = along;
     settings.shadow_size = SHADOW_MAP;
     g_autofree guint8 *rgb = ok(view_picture(viewer, &settings, WIDTH, HEIGHT, ERR));
     ok(picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, ERR));
@@ -104,12 +111,32 @@ static void webgl_test_compare(Browser *browser, Viewer *viewer, enum relief_kin
     struct picture_comparison found;
     for (gsize k = 0; k < G_N_ELEMENTS(views) + (kind == RELIEF_GROOVES); k++) {
         const struct view *view = k < G_N_ELEMENTS(views) ? &views[k] : &knot;
-        webgl_test_draw_page(browser, view);
-        webgl_test_draw_view(viewer, view);
+        webgl_test_draw_page(browser, view, FALSE);
+        webgl_test_draw_view(viewer, view, FALSE);
         ok(compare_pictures(page, in_folder("view.png"), &found, ERR));
         g_test_message("material %d on the %s: mean CIEDE2000 %.3f, of differing pixels %.3f", kind,
                        view->shape, found.delta_e, found.delta_e_different);
         g_assert_cmpfloat(found.delta_e, <=, BOUND);
+    }
+}
+
+/* The same with views along the surface. A page that ignored this option would be further off than
+ * the bound. */
+static void compare_along(Browser *browser, Viewer *viewer, enum relief_kind kind) {
+    g_autofree char *page = g_strdup(in_folder("page.png"));
+    struct picture_comparison found, without;
+    for (gsize k = 0; k < G_N_ELEMENTS(along_views); k++) {
+        const struct view *view = &along_views[k];
+        webgl_test_draw_page(browser, view, TRUE);
+        webgl_test_draw_view(viewer, view, FALSE);
+        ok(compare_pictures(page, in_folder("view.png"), &without, ERR));
+        webgl_test_draw_view(viewer, view, TRUE);
+        ok(compare_pictures(page, in_folder("view.png"), &found, ERR));
+        g_test_message("material %d on the %s along the surface: mean CIEDE2000 %.3f, from the "
+                       "picture without this option %.3f",
+                       kind, view->shape, found.delta_e, without.delta_e);
+        g_assert_cmpfloat(found.delta_e, <=, BOUND);
+        g_assert_cmpfloat(without.delta_e, >, 1.5 * BOUND);
     }
 }
 
@@ -132,6 +159,7 @@ static void test_pictures(gconstpointer data) {
     if (gpu) {
         g_autoptr(Viewer) viewer = webgl_test_viewer();
         webgl_test_compare(browser, viewer, kind);
+        compare_along(browser, viewer, kind);
     } else {
         test_skip_or_fail("there is no OpenGL 3.3 here");
     }
@@ -140,6 +168,12 @@ static void test_pictures(gconstpointer data) {
     g_autofree char *offered =
         browser_value(browser, "document.getElementById('silhouettes').checked");
     g_assert_cmpstr(offered, ==, "true");
+    g_autofree char *along = browser_value(
+        browser,
+        "(() => { const box = document.getElementById('alongSurface'); const before = "
+        "[box.disabled, box.checked, mesorig.settings().alongSurface]; box.click(); return "
+        "String([...before, box.checked, mesorig.settings().alongSurface]); })()");
+    g_assert_cmpstr(along, ==, "false,false,false,true,true");
     browser_free(browser);
 }
 
@@ -495,6 +529,9 @@ TEST(damaged) {
     check_refused(browser, "mesorig2", "{}", "not a material that");
     for (gsize k = 0; k < G_N_ELEMENTS(shells); k++)
         check_refused(browser, "mesoweb2", shells[k], k == 1 ? "read" : "The material is damaged");
+    check_refused(browser, "mesoweb2",
+                  "null, \"along\": {\"width\": 4, \"height\": 4, \"views\": 3}",
+                  "its views do not have the number and size");
     g_autofree char *large = browser_value(
         browser, "(() => { try { new parts.Shell({ gl: null, largest: 2048, mostLayers: 256 },"
                  "{ width: 64, height: 2049, depth: 1 }, null); } catch (error) { return "
