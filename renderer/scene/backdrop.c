@@ -12,32 +12,34 @@
 #define MOST 6e4f /* close to the largest half float, 65504 */
 
 enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
+enum { SHARP, SOFT, N_SHADOWS };
 
 struct Backdrop {
-    guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
-    guint environment;          /* texture of the environment map; 0 if there is none */
+    guint programs[N_PROGRAMS][N_SHADOWS]; /* each is compiled when it is first used */
+    guint environment;                     /* texture of the environment map; 0 if there is none */
     /* foot: half the size of the mesh's footprint in x and y, and the lowest z of the mesh; corner:
      * radius of the corners of the footprint; radius: radius of the mesh */
     float foot[3], corner, radius;
 };
 
-static gboolean need(Backdrop *backdrop, int which, GError **error) {
+static gboolean need(Backdrop *backdrop, int which, int shadows, GError **error) {
     static const char *const constants[N_PROGRAMS] = {
-        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 0\n",
-        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 1\n",
-        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
+        "#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
+        "#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
     static const char *const ground[] = {"screen.vert", "shadow.glsl", "further.glsl",
                                          "background.frag", NULL};
     static const char *const environment[] = {"screen.vert", "environment.frag", NULL};
-    if (backdrop->programs[which] == 0)
-        backdrop->programs[which] =
-            gpu_program(constants[which], which == ENVIRONMENT ? environment : ground, error);
-    return backdrop->programs[which] != 0;
+    guint *program = &backdrop->programs[which][shadows];
+    g_autofree char *all =
+        g_strconcat(shadows == SOFT ? "#define SOFT_SHADOWS\n" : "", constants[which], NULL);
+    if (*program == 0)
+        *program = gpu_program(all, which == ENVIRONMENT ? environment : ground, error);
+    return *program != 0;
 }
 
 Backdrop *backdrop_new(GError **error) {
     g_autoptr(Backdrop) backdrop = g_new0(Backdrop, 1);
-    if (!need(backdrop, GROUND, error))
+    if (!need(backdrop, GROUND, SHARP, error))
         return NULL;
     return g_steal_pointer(&backdrop);
 }
@@ -45,8 +47,8 @@ Backdrop *backdrop_new(GError **error) {
 void backdrop_free(Backdrop *backdrop) {
     if (backdrop == NULL)
         return;
-    for (int k = 0; k < N_PROGRAMS; k++)
-        glDeleteProgram(backdrop->programs[k]);
+    for (int k = 0; k < N_PROGRAMS * N_SHADOWS; k++)
+        glDeleteProgram(backdrop->programs[k / N_SHADOWS][k % N_SHADOWS]);
     glDeleteTextures(1, &backdrop->environment);
     g_free(backdrop);
 }
@@ -114,9 +116,10 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
                     "--backdrop needs an environment map; name one with --environment FILE.exr");
         return FALSE;
     }
-    if (!need(backdrop, which, error))
+    const int shadows = s->shadows && s->light_size_deg > 0.0 ? SOFT : SHARP;
+    if (!need(backdrop, which, shadows, error))
         return FALSE;
-    const guint program = backdrop->programs[which];
+    const guint program = backdrop->programs[which][shadows];
     glUseProgram(program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, projection);
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, eye);

@@ -50,10 +50,11 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *of_places = places_constants(places, s->style.nearest);
     g_autofree char *constants =
-        g_strdup_printf("#define SOFT_SHADOWS\n#define CURVED %d\n#define ALONG %d\n#define "
+        g_strdup_printf("%s#define CURVED %d\n#define ALONG %d\n#define "
                         "LAMPS %d\n#define "
                         "LAMP_SHADOWS %d\n#define "
                         "AMBIENT %d\n%s%s%s%s",
+                        s->light_size_deg > 0.0 ? "#define SOFT_SHADOWS\n" : "",
                         kind == PROGRAM_RELIEF, kind == PROGRAM_RELIEF && s->along_surface,
                         s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
                         s->ambient > 0, s->lamp > 0 || s->ambient > 0 ? "" : no_first,

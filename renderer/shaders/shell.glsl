@@ -20,8 +20,7 @@ float level_of_detail() {
 
 // Returns g at x in the texture and at depth, a share of the shell's depth. Mip levels are coarser
 // along the texture only.
-float shell_value(vec2 x, float depth, float level) {
-    float layers = float(textureSize(mdf_shell, 0).z);
+float shell_value(vec2 x, float depth, float layers, float level) {
     float w = clamp(depth * layers - 0.5, 0.0, layers - 1.0), upper = floor(w);
     return mix(textureLod(mdf_shell, vec3(x, upper), level).r,
                textureLod(mdf_shell, vec3(x, min(upper + 1.0, layers - 1.0)), level).r, w - upper);
@@ -88,7 +87,7 @@ below below_mesh(vec3 v, float level) {
         march(m, b, mm, go);
         vec2 grown = grown_at(m.foot);
         float depth = m.depth / (mm.z * sqrt(grown.x * grown.y) * mdf_deepest);
-        float g = shell_value(shell_place(m.x), depth, level);
+        float g = shell_value(shell_place(m.x), depth, size.z, level);
         float more = mdf_most_per_mm * g * g * g * g * m.mm * dt / go;
         if (sum + more >= OPAQUE || depth >= 1.0) {
             hit = from + dt * (float(i) + (depth >= 1.0 ? 0.5 : (OPAQUE - sum) / more));

@@ -1,7 +1,6 @@
 // Finds front faces behind which the ray meets the structure for certain: it reaches the base of
 // the structure in the first half of its way to the nearest back face.
 uniform sampler2D exits; // result of exits.frag; 0 where there is no back face
-uniform bool base_only;  // the distance to the structure is not needed
 
 void main() {
     float z = distance_from_eye(), level = level_of_detail();
@@ -12,7 +11,8 @@ void main() {
     if (straight || base > 0.5 * way)
         discard;
     below ray = below(base, mdf_deepest > 0.0 ? base : 1e30);
-    if (!base_only)
-        ray = below_mesh(v, level);
+#ifndef BASE_ONLY // if the distance to the structure is needed
+    ray = below_mesh(v, level);
+#endif
     colour = vec4(z, min(ray.hit, way), min(ray.base, way), 1.0);
 }

@@ -11,11 +11,13 @@ enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
 
 #define VARIANTS (N_FORMS * PLACES_KINDS) /* number of variants of the programs */
 
-enum { BACK, FRONT, SURE, ADD, N_PROGRAMS };
+/* SURE_BASE: SURE without the distance to the structure (base_only in visibility.h) */
+enum { BACK, FRONT, SURE, SURE_BASE, ADD, N_PROGRAMS };
 
 struct Visibility {
     /* Programs by form of the MDF and kind of places. All variants but the first are compiled when
-     * they are first needed. SURE and ADD exist only with OpenGL 4.3, as do exits and find. */
+     * they are first needed. SURE, SURE_BASE and ADD exist only with OpenGL 4.3, as do exits and
+     * find. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint exits, find;
     guint query; /* whether a layer has back faces */
@@ -53,7 +55,9 @@ static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
     if (!gpu_has_43())
         return TRUE;
     names[n] = "sure_front.frag";
-    if ((programs[SURE] = gpu_program_43(constants, names, error)) == 0)
+    g_autofree char *base_only = g_strconcat("#define BASE_ONLY\n", constants, NULL);
+    if ((programs[SURE] = gpu_program_43(constants, names, error)) == 0 ||
+        (programs[SURE_BASE] = gpu_program_43(base_only, names, error)) == 0)
         return FALSE;
     names[n] = "list_nodes.glsl";
     names[n + 1] = "list_add.frag";
@@ -116,7 +120,7 @@ static int part_variant(const struct visibility_part *part) {
 /* A drawing pass. textures are bound to VISIBILITY_UNIT and to the next unit. names are the names
  * of their samplers. Unused elements are NULL and 0. */
 struct pass {
-    int program; /* BACK, FRONT, SURE or ADD */
+    int program; /* BACK, FRONT, SURE, SURE_BASE or ADD */
     const char *names[2];
     guint textures[2];
 };
@@ -136,7 +140,6 @@ static void draw_parts(const Visibility *v, const struct visibility_scene *s,
         visibility_set_sight(program, s);
         mdf_texture_bind(part->mdf, program);
         glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
-        glUniform1i(glGetUniformLocation(program, "base_only"), s->base_only);
         places_bind(&part->places, part->tiles, program);
         for (int t = 0; t < 2; t++)
             if (pass->names[t] != NULL)
@@ -243,7 +246,9 @@ static void find_sure(Visibility *v, const struct visibility_scene *s) {
     glStencilMask(0xff);
     glClearStencil(0);
     clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
-    draw_culled(v, s, GL_BACK, &(struct pass){SURE, {"exits", NULL}, {v->exit.colour, 0}});
+    draw_culled(
+        v, s, GL_BACK,
+        &(struct pass){s->base_only ? SURE_BASE : SURE, {"exits", NULL}, {v->exit.colour, 0}});
 }
 
 /* Adds all faces that are not hidden by find_sure() to the lists of their pixels. Returns the
