@@ -258,7 +258,8 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
         !webgl_pack_volumes(file, pack, &all, n, work, error) ||
         (pack->shell &&
          !webgl_file_add(file, "shell", pack->shell->values, shell_bytes(pack->shell), error)) ||
-        (triangulated && !add_views(file, pack->views, triangulated, pack->shell->depth_mm, error)))
+        (pack->shell && triangulated &&
+         !add_views(file, pack->views, triangulated, pack->shell->depth_mm, error)))
         return NULL;
     return webgl_file_bytes(file, webgl_pack_info(pack, &all, n, triangulated != NULL));
 }

@@ -39,7 +39,7 @@ struct webgl_pack {
     struct lpca *const *levels;
     int n_levels;
     const struct mdf_shell *shell; /* NULL if there is no MDF */
-    const struct mdf_table *views; /* measured views of the MDF; NULL if there is none */
+    const struct mdf_table *views; /* measured views of the MDF; NULL if there is no MDF */
 };
 
 /* Returns the number of bytes of all sections before compression, with a grid of n_grid. */
