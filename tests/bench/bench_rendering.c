@@ -8,11 +8,13 @@
 #include "bench.h"
 #include "codecs/eigenmaps/eigenmaps.h"
 #include "drawing/gl/gpu.h"
+#include "drawing/methods/eigenmaps_volume.h"
 #include "frame_time.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -187,6 +189,7 @@ static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
 enum {
     BTF,
     PLAIN,
+    VOLUME,
     SILHOUETTES,
     PEELED,
     SHADOWS,
@@ -203,6 +206,8 @@ static const struct {
     double limit; /* times the BTF only, or 0 */
 } variants[N_VARIANTS] = {{"eigenmaps", 0},
                           {"plain", 0},
+                          /* mesorig-view --method eigenmaps-volume */
+                          {"eigenmaps_volume", 0},
                           {"silhouettes", 1.5},
                           {"peeled_silhouettes", 0},
                           {"silhouettes_shadows", 2.0},
@@ -219,12 +224,22 @@ static int passes = 2;
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
-static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **error) {
+/* Returns a shape of the viewer, or a torus of N × M quadrilaterals, such as 40x40. */
+static struct mesh *make_mesh(const char *shape, GError **error) {
+    int around, tube;
+    char end;
+    if (sscanf(shape, "%dx%d%c", &around, &tube, &end) == 2 && around >= 3 && tube >= 3)
+        return scene_torus(1.0, 0.4, around, tube);
+    return scene_shape(shape, SCENE_Z_UP, error);
+}
+
+static gboolean measure(Viewer *viewer, Viewer *of_volume, const char *shape, int frames,
+                        GError **error) {
     Viewer *viewers[N_VARIANTS];
     struct viewer_settings settings[N_VARIANTS];
     double ms[N_VARIANTS];
     for (int v = 0; v < N_VARIANTS; v++) {
-        viewers[v] = viewer;
+        viewers[v] = v == VOLUME ? of_volume : viewer;
         struct viewer_settings s = viewer_settings_default;
         s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
         s.camera_elevation_deg = s.camera_fov_deg = 35.0;
@@ -241,15 +256,16 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
             s.visibility.layers = passes;
         settings[v] = s;
     }
-    struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
+    struct mesh *mesh = make_mesh(shape, error);
     const gboolean good = mesh != NULL && viewer_set_mesh(viewer, mesh, error) &&
+                          viewer_set_mesh(of_volume, mesh, error) &&
                           time_in_turns(viewers, settings, N_VARIANTS, frames, ms, NULL, error);
     if (good) {
         bench_begin(NULL);
         bench_put("%s{shape} %u{triangles}", shape, mesh->n_indices / 3);
         for (int k = 0; k < N_VARIANTS; k++)
             bench_put_double(variants[k].name, "_ms", "%.2f", ms[k]);
-        for (int k = SILHOUETTES; k < N_VARIANTS; k++) {
+        for (int k = VOLUME; k < N_VARIANTS; k++) {
             bench_put_double(variants[k].name, "_ratio", "%.3f", ms[k] / ms[BTF]);
             if (variants[k].limit > 0)
                 bench_put_double(variants[k].name, "_limit", "%.2f", variants[k].limit);
@@ -263,10 +279,13 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
     return good;
 }
 
-static gboolean bench(const struct eigenmaps *maps, int frames, double residual, GError **error) {
+static gboolean bench(const struct eigenmaps *maps, const char *only, int frames, double residual,
+                      GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(Viewer) viewer = gpu != NULL ? viewer_new(maps, error) : NULL;
-    if (viewer == NULL)
+    g_autoptr(Viewer) of_volume = viewer != NULL ? viewer_new(NULL, error) : NULL;
+    EigenmapsVolume *volume = of_volume != NULL ? eigenmaps_volume_new(maps, error) : NULL;
+    if (volume == NULL || !viewer_set_method(of_volume, &method_eigenmaps_volume, volume, error))
         return FALSE;
     struct mdf_table *mdf = make_mdf(maps);
     gboolean good = viewer_set_mdf(viewer, &(struct mdf_source){.table = mdf}, error);
@@ -278,8 +297,8 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
               gpu_renderer(), 800, 600, maps->layout.width, 4, N_THETA * N_PHI, frames, residual,
               memory.material, memory.mdf);
     bench_begin_list("scenes");
-    for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
-        good = measure(viewer, shapes[k], frames, error);
+    for (gsize k = 0; good && k < (only ? 1 : G_N_ELEMENTS(shapes)); k++)
+        good = measure(viewer, of_volume, only ? only : shapes[k], frames, error);
     bench_end();
     bench_end();
     return good;
@@ -287,11 +306,13 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
 
 int main(int argc, char **argv) {
     int frames = 20, texels = 64;
-    g_autofree char *write = NULL;
+    g_autofree char *write = NULL, *only = NULL;
     const GOptionEntry entries[] = {
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 20", "N"},
         {"passes", 0, 0, G_OPTION_ARG_INT, &passes, "Of the published peeling, default 2", "N"},
         {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels each way, default 64", "N"},
+        {"shape", 0, 0, G_OPTION_ARG_STRING, &only, "Only this shape, or a torus of N × M faces",
+         "SHAPE|NxM"},
         {"write-material", 0, 0, G_OPTION_ARG_FILENAME, &write, "Save it, time nothing",
          "eigenmaps.exr"},
         {NULL}};
@@ -305,7 +326,7 @@ int main(int argc, char **argv) {
     if (write)
         eigenmaps_write(write, maps, &error);
     else
-        bench(maps, frames, residual, &error);
+        bench(maps, only, frames, residual, &error);
     bench_check(error);
     eigenmaps_free(maps);
     return 0;

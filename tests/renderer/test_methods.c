@@ -140,11 +140,21 @@ static void compare_sky(const struct seen *seen, const char *path, Viewer *view,
     g_assert_cmpfloat(worst, <, 0.25);
 }
 
+/* Returns the codec whose files a method draws in the measured directions, or NULL. */
+static const struct codec *codec_of(const struct method *method) {
+    const gboolean volume = g_str_equal(method->name, "eigenmaps-volume");
+    for (gsize k = 0; codecs[k] != NULL; k++)
+        if (g_str_equal(codecs[k]->name, volume ? "eigenmaps" : method->name))
+            return codecs[k];
+    return NULL;
+}
+
 /* On a plane that is seen from a measured view under a measured light, each codec's method shows
  * what the codec reconstructs, and under an even sky its integral. The camera is so far away that
  * views differ by at most 0.3°. */
 static void test_measured_directions(gconstpointer data) {
-    const struct codec *codec = data;
+    const struct method *method = data;
+    const struct codec *codec = codec_of(method);
     static const int pairs[][2] = {{0, 0}, {3, 5}, {10, 2}, {17, 12}};
     TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
@@ -158,7 +168,7 @@ static void test_measured_directions(gconstpointer data) {
     const struct direction_list *views = &seen.layout->views, *lights = &seen.layout->lights;
     seen.texel = g_new(float, btf_layout_values(seen.layout));
     formula_start_view(view, &settings, mesh);
-    ok(viewer_open(view, method_find(codec->name), path, ERR));
+    ok(viewer_open(view, method, path, ERR));
     settings.ambient = 0;
     settings.camera_fov_deg = 1;
     settings.camera_distance = 300;
@@ -181,10 +191,64 @@ static void test_measured_directions(gconstpointer data) {
     codec->free(model);
 }
 
+/* Writes the eigen-maps of the small BTF, after one of its lights was moved along its ring. */
+static char *write_eigenmaps(const char *folder, float move_deg) {
+    char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    const struct codec *codec = codec_of(method_find("eigenmaps"));
+    btf->layout.lights.phi_deg[btf->layout.lights.n - 1] += move_deg;
+    material_fixture_write(path, codec, btf, "");
+    return path;
+}
+
+/* A 3D texture of the lights interpolates as the layers do: between two lights of a ring, between
+ * two rings, and from the lowest ring towards the horizon. */
+GPU_TEST(eigenmaps_volume) {
+    static const double lights_deg[][2] = {{33, 50}, {66, 35}, {50, 31}, {80, 27}};
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = write_eigenmaps(folder, 0);
+    g_autoptr(Mesh) mesh = scene_plane();
+    g_autoptr(Viewer) layers = ok(viewer_new(NULL, ERR));
+    g_autoptr(Viewer) volume = ok(viewer_new(NULL, ERR));
+    struct viewer_settings settings;
+    formula_start_view(layers, &settings, mesh);
+    formula_start_view(volume, &settings, mesh);
+    ok(viewer_open(layers, method_find("eigenmaps"), path, ERR));
+    ok(viewer_open(volume, method_find("eigenmaps-volume"), path, ERR));
+    settings.ambient = 0;
+    settings.style.nearest = TRUE;
+    for (gsize k = 0; k < G_N_ELEMENTS(lights_deg); k++) {
+        settings.light_theta_deg = lights_deg[k][0];
+        settings.light_phi_deg = lights_deg[k][1];
+        g_autofree float *a = ok(viewer_render_linear(layers, &settings, SIZE, SIZE, ERR));
+        g_autofree float *b = ok(viewer_render_linear(volume, &settings, SIZE, SIZE, ERR));
+        double off = 0, brightest = 0;
+        for (gsize i = 0; i < 4 * SIZE * SIZE; i++) {
+            off = fmax(off, fabs((double)(a[i] - b[i])));
+            brightest = fmax(brightest, i % 4 < 3 ? (double)a[i] : 0);
+        }
+        g_test_message("light at %g°, %g°: up to %.3f, the forms differ by at most %.4f",
+                       lights_deg[k][0], lights_deg[k][1], brightest, off);
+        g_assert_cmpfloat(brightest, >, 0.05);
+        g_assert_cmpfloat(off, <, 0.005);
+    }
+}
+
+GPU_TEST(volume_without_rings) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = write_eigenmaps(folder, 9);
+    g_autoptr(Viewer) view = ok(viewer_new(NULL, ERR));
+    g_autoptr(GError) error = NULL;
+    g_assert_false(viewer_open(view, method_find("eigenmaps-volume"), path, &error));
+    g_assert_nonnull(strstr(error->message, "use --method eigenmaps"));
+    ok(viewer_open(view, method_find("eigenmaps"), path, ERR));
+}
+
 BEFORE_TESTS {
-    for (gsize k = 0; codecs[k] != NULL; k++) {
-        g_autofree char *path = g_strdup_printf("/methods/measured-directions/%s", codecs[k]->name);
-        if (method_find(codecs[k]->name) != NULL)
-            gpu_fixture_add(path, test_measured_directions, codecs[k]);
+    for (gsize k = 0; methods[k] != NULL; k++) {
+        g_autofree char *path =
+            g_strdup_printf("/methods/measured-directions/%s", methods[k]->name);
+        if (codec_of(methods[k]) != NULL)
+            gpu_fixture_add(path, test_measured_directions, methods[k]);
     }
 }

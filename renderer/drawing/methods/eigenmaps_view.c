@@ -20,11 +20,9 @@ struct EigenmapsView {
     struct direction_textures lights;
 };
 
-static gboolean check(const struct eigenmaps *maps, GError **error) {
+gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error) {
     const struct btf_layout *layout = &maps->layout;
-    const gsize n_views = layout->views.n, needed = (gsize)maps->n_terms * (layout->lights.n + 2);
-    GLint layers = 0;
-    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    const gsize n_views = layout->views.n;
     const char *missing = n_views < 1                     ? "views"
                           : layout->lights.n < 1          ? "lights"
                           : maps->n_terms < 1             ? "terms"
@@ -34,15 +32,6 @@ static gboolean check(const struct eigenmaps *maps, GError **error) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "the eigen-maps have no %s: the file is damaged; process the session again",
                     missing);
-        return FALSE;
-    }
-    if (needed > (gsize)layers) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "eigen-maps of %d terms and %zu lights need %zu texture layers, but %s "
-                    "supports %d; compress the material with another method, such as lpca, which "
-                    "has no layer for each light, or to eigen-maps of %zu terms or fewer",
-                    maps->n_terms, layout->lights.n, needed, gpu_renderer(), layers,
-                    MAX(1, (gsize)layers / (layout->lights.n + 2)));
         return FALSE;
     }
     if (!method_check_size(layout, error))
@@ -56,6 +45,21 @@ static gboolean check(const struct eigenmaps *maps, GError **error) {
             return FALSE;
         }
     return TRUE;
+}
+
+static gboolean check_layers(const struct eigenmaps *maps, GError **error) {
+    const gsize n_lights = maps->layout.lights.n, needed = (gsize)maps->n_terms * (n_lights + 2);
+    GLint layers = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (needed <= (gsize)layers)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "eigen-maps of %d terms and %zu lights need %zu texture layers, but %s supports "
+                "%d; compress the material with another method, such as lpca, which has no layer "
+                "for each light, or to eigen-maps of %zu terms or fewer",
+                maps->n_terms, n_lights, needed, gpu_renderer(), layers,
+                MAX(1, (gsize)layers / (n_lights + 2)));
+    return FALSE;
 }
 
 /* Doubles the n samples along one axis of a repeating texture, by Catmull–Rom interpolation a
@@ -206,9 +210,12 @@ static float weight_at(const struct eigenmaps *maps, const Directions *views, in
     return sum;
 }
 
-/* Makes the table of the weights of views. Its outermost samples lie on the horizon, so filtering
- * needs no values below the horizon. */
-static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
+/* The outermost samples of the table lie on the horizon, so filtering needs no values below the
+ * horizon. */
+guint eigenmaps_view_weights(const struct eigenmaps *maps, GError **error) {
+    g_autoptr(Directions) views = method_directions(&maps->layout.views, "views", FALSE, error);
+    if (!views)
+        return 0;
     int n_pages = (maps->n_terms + 3) / 4;
     gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
     g_autofree float *table = g_new0(float, n_pages *page);
@@ -223,18 +230,17 @@ static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Dire
                 table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
                     weight_at(maps, views, term, &w);
         }
-    view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
+    const guint texture = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
                     GL_FLOAT, table);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    return texture;
 }
 
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
-    if (!check(maps, error))
-        return NULL;
-    g_autoptr(Directions) views = method_directions(&maps->layout.views, "views", FALSE, error);
-    if (!views)
+    if (!eigenmaps_view_check(maps, error) || !check_layers(maps, error))
         return NULL;
     g_autoptr(Directions) lights = method_directions(&maps->layout.lights, "lights", FALSE, error);
     if (!lights)
@@ -249,8 +255,8 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     direction_table_pole_shares(lights, pole, maps->layout.lights.n);
     directions_sky(lights, ambient);
     view->lights = direction_table_new(lights, TRUE);
-    upload_views(view, maps, views);
-    if (!upload_maps(view, maps, pole, ambient, error))
+    view->view_weights = eigenmaps_view_weights(maps, error);
+    if (view->view_weights == 0 || !upload_maps(view, maps, pole, ambient, error))
         return NULL;
     return g_steal_pointer(&view);
 }

@@ -20,4 +20,12 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error);
 void eigenmaps_view_free(EigenmapsView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(EigenmapsView, eigenmaps_view_free)
 
+/* For eigenmaps_volume.h. Returns FALSE with GPU_ERROR_FAILED if the eigen-maps are empty, or if a
+ * weight is not finite, and with GPU_ERROR_TOO_LARGE if a texture has no room for the texels. */
+gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error);
+
+/* For eigenmaps_volume.h. Makes the texture of the weights W over the hemisphere, four terms per
+ * layer. Returns 0 with an error if the views cannot be interpolated. */
+guint eigenmaps_view_weights(const struct eigenmaps *maps, GError **error);
+
 extern const struct method method_eigenmaps; /* its material is an EigenmapsView */

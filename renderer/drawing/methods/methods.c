@@ -2,6 +2,7 @@
 
 #include "drawing/gl/gpu.h"
 #include "eigenmaps_view.h"
+#include "eigenmaps_volume.h"
 #include "exr/exr.h"
 #include "hsh_view.h"
 #include "lobes_view.h"
@@ -15,6 +16,7 @@
 
 const struct method *const methods[] = {
     &method_eigenmaps,
+    &method_eigenmaps_volume,
     &method_lpca_grid,
     &method_lpca_revised,
     &method_lpca,

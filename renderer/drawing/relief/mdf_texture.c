@@ -4,6 +4,7 @@
 #include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "drawing/gl/direction_table.h"
 #include "drawing/gl/gpu.h"
+#include "drawing/gl/ring_slices.h"
 #include "mdf/mdf_shell.h"
 
 #include <epoxy/gl.h>
@@ -32,11 +33,7 @@ struct MdfTexture {
     double most_per_mm, top_mm; /* as in mdf_shell.h */
     guint volume;               /* texture; 0 before it is first used */
     double longest_mm;          /* scale of the volume */
-    int n_rings;
-    float rings[MDF_VOLUME_RINGS]
-               /* θ in rad, centre of the first slice in slices, number of views, φ of the first
-                * view in turns */
-               [4];
+    struct ring_slices rings;   /* of the volume */
 };
 
 static gboolean check(int width, int height, int n_layers, GError **error) {
@@ -321,69 +318,31 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                                  direction_textures_bytes(&texture->views);
 }
 
-/* Returns the index after the last view of the ring that starts at first. A ring consists of
- * successive views whose θ differs by less than 0.1° from that of the first view. */
-static int ring_end(const MdfTexture *texture, int first) {
-    int end = first + 1;
-    while (end < texture->n_views &&
-           fabsf(texture->theta_deg[end] - texture->theta_deg[first]) < 0.1f)
-        end++;
-    return end;
-}
-
-static gboolean ring_is_even(const MdfTexture *texture, int first, int end) {
-    for (int k = first; k < end; k++) {
-        double turn = (texture->phi_deg[k] - texture->phi_deg[first]) / 360.0;
-        double off = turn - (double)(k - first) / (end - first);
-        if (fabs(off - rint(off)) > 1e-4)
-            return FALSE;
-    }
-    return TRUE;
-}
-
-/* Finds the rings. Returns FALSE if the views are not on evenly spaced rings of increasing θ, or if
- * there are more than MDF_VOLUME_RINGS rings. */
-static gboolean find_rings(MdfTexture *texture) {
-    texture->n_rings = 0;
-    for (int first = 0, end, slice = 0; first < texture->n_views; first = end) {
-        end = ring_end(texture, first);
-        int ring = texture->n_rings++;
-        if (ring == MDF_VOLUME_RINGS || !ring_is_even(texture, first, end) ||
-            (ring > 0 && texture->theta_deg[first] < texture->theta_deg[first - 1]))
-            return FALSE;
-        float *to = texture->rings[ring];
-        to[0] = texture->theta_deg[first] * (float)(G_PI / 180.0);
-        to[1] = (float)slice + 0.5f;
-        to[2] = (float)(end - first);
-        to[3] = texture->phi_deg[first] / 360.0f;
-        slice += end - first + 1;
-    }
-    return TRUE;
+/* Returns the distance along the ray at texel i of a view, whose texels have these values. */
+static double distance_mm(const MdfTexture *texture, const float *values, int view, gsize i) {
+    return (texture->min_mm + texture->scale_mm * values[i]) /
+           cos(texture->theta_deg[view] * (G_PI / 180.0));
 }
 
 static void upload_volume(MdfTexture *texture) {
     gsize n = (gsize)texture->width * texture->height;
-    int slices = texture->n_views + texture->n_rings, slice = 0;
+    const struct ring_slices *rings = &texture->rings;
+    const int slices = rings->n_slices;
     g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* includes the pole */
     g_autofree guint8 *bytes = g_new(guint8, n * slices);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
     glGetTexImage(GL_TEXTURE_2D_ARRAY, 0, GL_RED, GL_FLOAT, values);
-    for (int ring = 0, first = 0; ring < texture->n_rings; first += (int)texture->rings[ring++][2])
-        for (gsize i = 0; i < n * (gsize)texture->rings[ring][2]; i++)
-            texture->longest_mm = MAX(
-                texture->longest_mm, (texture->min_mm + texture->scale_mm * values[n * first + i]) /
-                                         cos((double)texture->rings[ring][0]));
+    for (int view = 0; view < texture->n_views; view++)
+        for (gsize i = 0; i < n; i++)
+            texture->longest_mm =
+                MAX(texture->longest_mm, distance_mm(texture, values + n * view, view, i));
     const double scale = texture->longest_mm > 0.0 ? 255.0 / texture->longest_mm : 0.0;
-    for (int ring = 0, first = 0; ring < texture->n_rings; ring++) {
-        int count = (int)texture->rings[ring][2];
-        for (int k = 0; k <= count; k++, slice++)
-            for (gsize i = 0; i < n; i++) {
-                const double mm =
-                    (texture->min_mm + texture->scale_mm * values[n * (first + k % count) + i]) /
-                    cos((double)texture->rings[ring][0]);
-                bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
-            }
-        first += count;
+    for (int slice = 0; slice < slices; slice++) {
+        const int view = ring_slices_direction(rings, slice);
+        for (gsize i = 0; i < n; i++) {
+            const double mm = distance_mm(texture, values + n * view, view, i);
+            bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
+        }
     }
     glGenTextures(1, &texture->volume);
     glBindTexture(GL_TEXTURE_3D, texture->volume);
@@ -405,15 +364,16 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
                     "factors: leave --mdf-volume out");
         return FALSE;
     }
-    if (!find_rings(texture)) {
+    if (!ring_slices_find(texture->theta_deg, texture->phi_deg, texture->n_views,
+                          &texture->rings)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "--mdf-volume needs an MDF whose views are evenly spaced on at most %d rings "
                     "of increasing θ, but this MDF has other views: leave --mdf-volume out",
-                    MDF_VOLUME_RINGS);
+                    RING_SLICES_MAX);
         return FALSE;
     }
     glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
-    int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
+    int longest = MAX(MAX(texture->width, texture->height), texture->rings.n_slices);
     if (longest > most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                     "an MDF of %d × %d texels and %d views does not fit into a 3D texture: %s "
@@ -439,9 +399,9 @@ void mdf_texture_bind(const MdfTexture *texture, guint program) {
     } else if (glGetUniformLocation(program, "mdf_volume") >= 0) {
         gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
         glUniform1f(glGetUniformLocation(program, "mdf_longest"), texture->longest_mm);
-        glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
-        glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,
-                     texture->rings[0]);
+        glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->rings.n_rings);
+        glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->rings.n_rings,
+                     texture->rings.rings[0]);
     } else
         gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY,
                          texture->depths);

@@ -27,11 +27,9 @@ gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL *
  * bits with one scale, and are in a 3D texture whose third axis is the view. The texture is
  * filtered trilinearly, without mip levels. Its filter interpolates between views of a ring, and
  * the shader mixes two rings. The texture is made from the views when this function is first
- * called. The first view of each ring is repeated at the end of the ring. Shaders are compiled with
- * MDF_VOLUME 1. The function fails if the MDF is in factors, if its views are not on at most
- * MDF_VOLUME_RINGS rings, each evenly spaced, or if they do not fit into a 3D texture of the card.
- */
-#define MDF_VOLUME_RINGS 16
+ * called. Its slices are those of drawing/gl/ring_slices.h. Shaders are compiled with MDF_VOLUME 1.
+ * The function fails if the MDF is in factors, if its views are not on evenly spaced rings, or if
+ * they do not fit into a 3D texture of the card. */
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
