@@ -15,13 +15,18 @@ struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
     return mesh;
 }
 
-/* Returns the method that draws path. For a session, this is the given method, or the default
- * method if the given one needs no file. */
-static const struct method *scene_files_method(const struct method *method, const char *path,
-                                               GError **error) {
+static const struct method *session_method(const char *session) {
+    const struct method *method = method_of_session(session);
+    return method != NULL ? method : methods[0]; /* its error says how to make the file */
+}
+
+/* Returns the method that draws path. For a session, this is the given method. If no method was
+ * named, or the given one needs no file, it is the session's own. */
+static const struct method *scene_files_method(const struct method *method, gboolean named,
+                                               const char *path, GError **error) {
     struct file_opened file;
     if (g_file_test(path, G_FILE_TEST_IS_DIR))
-        return method->product != NULL ? method : methods[0];
+        return named && method->product != NULL ? method : session_method(path);
     if (!file_kind_find(path, &file, error))
         return NULL;
     const struct method *found = file.kind == FILE_KIND_MATERIAL ? file.method : NULL;
@@ -35,8 +40,8 @@ static const struct method *scene_files_method(const struct method *method, cons
 }
 
 static gboolean add(const struct scene_binding *binding, const struct method *method,
-                    gboolean relief, Viewer *viewer, GError **error) {
-    const struct method *own = scene_files_method(method, binding->path, error);
+                    gboolean named, gboolean relief, Viewer *viewer, GError **error) {
+    const struct method *own = scene_files_method(method, named, binding->path, error);
     if (own == NULL)
         return FALSE;
     g_autofree char *path = method_path(own, binding->path);
@@ -50,7 +55,7 @@ static gboolean add(const struct scene_binding *binding, const struct method *me
 gboolean scene_files_open(const struct viewer_options *o, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error) {
     for (int k = 0; k < o->n_bindings; k++)
-        if (!add(&o->bindings[k], method, relief, viewer, error))
+        if (!add(&o->bindings[k], method, o->method_name != NULL, relief, viewer, error))
             return FALSE;
     return TRUE;
 }

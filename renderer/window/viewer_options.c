@@ -134,20 +134,9 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
            refuse_options(error, "--material also needs --shape FILE.gltf or FILE.glb");
 }
 
-static gboolean viewer_options_has_views(const char *session) {
+static gboolean has_views(const char *session) {
     g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
     return g_file_test(btf, G_FILE_TEST_IS_DIR);
-}
-
-/* Returns the first method for which the session has a product, or the default if it has none. */
-static const struct method *method_of_session(const char *session) {
-    for (gsize k = 0; methods[k] != NULL; k++) {
-        g_autofree char *path =
-            methods[k]->product != NULL ? method_path(methods[k], session) : NULL;
-        if (path != NULL && g_file_test(path, G_FILE_TEST_EXISTS))
-            return methods[k];
-    }
-    return methods[0];
 }
 
 /* Sets the methods of --method, --split and --difference. */
@@ -173,11 +162,12 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
         o->argument != NULL) { /* use the method of the file, or a method of the session */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* Only the default method supports --live and --plain, and sessions that are being
-             * captured, for which it makes eigen-maps of the existing views. */
-            if (!o->live && !o->settings.plain &&
-                (o->render != NULL || !viewer_options_has_views(o->argument)))
-                o->method = method_of_session(o->argument);
+            /* The window makes eigen-maps of the views that exist while a session is captured,
+             * unless there is a local PCA. Only eigen-maps have --live and --plain. */
+            const struct method *made = method_of_session(o->argument);
+            if (!o->live && !o->settings.plain && made != NULL &&
+                (o->render != NULL || made == method_find("lpca") || !has_views(o->argument)))
+                o->method = made;
         } else if (file_kind_find(o->argument, &file, NULL)) {
             o->method = file.kind == FILE_KIND_MATERIAL ? file.method : o->method;
             file_opened_clear(&file);

@@ -95,10 +95,12 @@ static const char *method_help(void) {
         g_string_append_printf(list, "%s%s", list->len > 0 ? ", " : "", methods[k]->name);
     }
     if (text == NULL)
-        text = g_strdup_printf("Drawing method: %s (default: that of the file; of a session, the "
-                               "first one for which it has a product); without MATERIAL %s "
-                               "(default: " METHOD_DEMO ")",
-                               of_files->str, others->str);
+        text =
+            g_strdup_printf("Drawing method: %s (default: that of the file; of a session, lpca if "
+                            "“mesorig compress” made a local PCA, otherwise the first one for "
+                            "which it has a product); without MATERIAL %s "
+                            "(default: " METHOD_DEMO ")",
+                            of_files->str, others->str);
     return text;
 }
 

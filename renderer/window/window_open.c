@@ -5,16 +5,13 @@
 
 #include <string.h>
 
-/* Returns a method for which the session has a product. The present method is preferred, then the
- * first one. Returns NULL if there is none. */
+/* Returns a method for which the session has a product: the present method, or that of the session.
+ * Returns NULL if there is none. */
 static const struct method *method_of(const struct window *w, const char *session) {
-    for (int k = -1; k < 0 || methods[k] != NULL; k++) {
-        const struct method *method = k < 0 ? w->now.method : methods[k];
-        g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
-        if (path != NULL && g_file_test(path, G_FILE_TEST_EXISTS))
-            return method;
-    }
-    return NULL;
+    const struct method *method = w->now.method;
+    g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
+    return path != NULL && g_file_test(path, G_FILE_TEST_EXISTS) ? method
+                                                                 : method_of_session(session);
 }
 
 static void window_open_session(struct window *w, const char *path) {

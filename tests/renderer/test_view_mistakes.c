@@ -16,11 +16,13 @@
 #include "lib/x_display.h"
 
 #include <dlfcn.h>
+#include <glib/gstdio.h>
 #include <link.h>
 #include <sched.h>
 #include <sys/mount.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <utime.h>
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define CUTS    20 /* places at which a file is torn */
@@ -275,14 +277,22 @@ GPU_TEST(products) {
     remove_tree(session);
 }
 
-/* Without eigen-maps a session is drawn by another method that it has a file for, unless one is
- * named; without any file the default's is what lacks. */
+/* A session is drawn by its local PCA, unless its eigen-maps are newer. Without both it is drawn by
+ * another method that it has a file for. Without any file the error names the eigen-maps. */
 GPU_TEST(default_method) {
     if (!have_programs())
         return;
     g_autofree char *session = write_products();
     g_autofree char *picture = g_build_filename(session, "x.png", NULL);
+    g_autofree char *lpca = method_path(method_find("lpca"), session);
+    g_autofree char *maps = method_path(method_find("eigenmaps"), session);
     const char *argv[] = {VIEWER, session, "--render", picture, "--size", "16x12", NULL};
+    g_autofree char *first = process_text(0, argv);
+    g_assert_nonnull(strstr(first, lpca));
+    GStatBuf made;
+    g_assert_cmpint(g_stat(maps, &made), ==, 0);
+    struct utimbuf before = {.actime = made.st_mtime - 60, .modtime = made.st_mtime - 60};
+    g_assert_cmpint(g_utime(lpca, &before), ==, 0);
     for (int k = 0; methods[k] != NULL; k++) {
         if (methods[k]->product == NULL)
             continue;

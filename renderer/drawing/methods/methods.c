@@ -12,6 +12,7 @@
 #include "microfacet.h"
 #include "session/session.h"
 
+#include <glib/gstdio.h>
 #include <string.h>
 
 const struct method *const methods[] = {
@@ -36,6 +37,24 @@ const struct method *const methods[] = {
 const struct method *method_find(const char *name) {
     for (gsize k = 0; methods[k] != NULL; k++)
         if (strcmp(methods[k]->name, name) == 0)
+            return methods[k];
+    return NULL;
+}
+
+/* Returns when the session's product was written, in seconds since 1970. Returns -1 if there is
+ * none. */
+static gint64 made_at(const struct method *method, const char *session) {
+    g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
+    GStatBuf file;
+    return path != NULL && g_stat(path, &file) == 0 ? (gint64)file.st_mtime : -1;
+}
+
+const struct method *method_of_session(const char *session) {
+    const gint64 lpca = made_at(&method_lpca, session);
+    if (lpca >= 0 && lpca >= made_at(&method_eigenmaps, session))
+        return &method_lpca;
+    for (gsize k = 0; methods[k] != NULL; k++)
+        if (made_at(methods[k], session) >= 0)
             return methods[k];
     return NULL;
 }

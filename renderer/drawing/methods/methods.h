@@ -5,9 +5,15 @@
 
 #define METHOD_DEMO "fabric-ashikhmin" /* shown while no material is named or open */
 
-extern const struct method *const methods[]; /* NULL-terminated; the first is the default */
+/* NULL-terminated. The first draws the product of “mesorig process”. */
+extern const struct method *const methods[];
 
 const struct method *method_find(const char *name); /* NULL if there is none */
+
+/* Returns the method that draws a session unless the user names one: lpca if the session has a
+ * local PCA that is not older than its eigen-maps, otherwise the first of the table for which the
+ * session has a product. Returns NULL if the session has no product. */
+const struct method *method_of_session(const char *session);
 
 /* Returns the path of a method's file. argument is a file, or the directory of a session, which
  * stands for the method's product in it. It may be NULL if the method needs no file. Free the
