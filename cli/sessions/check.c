@@ -168,12 +168,12 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
                    too_long ? "other exposures (above)" : "longer exposures");
     if (sigma.worse > 0)
         record_say(to,
-                   "  warning: in %d of %d pictures σ is more than twice what it is in most, up to "
-                   "%.1f %% of half of the values (view %.1f° %.1f°, light %.1f° %.1f°): look at "
-                   "their exposures and at that lamp\n",
-                   sigma.worse, sigma.known, 100 * sigma.worst, sigma.worst_view_theta_deg,
-                   sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
-                   sigma.worst_light_phi_deg);
+                   "  warning: in %d of %d pictures σ is more than twice what it is in most with "
+                   "the same polar angles, up to %.1f %% of half of the values (view %.1f° %.1f°, "
+                   "light %.1f° %.1f°): look at their exposures and at that lamp\n",
+                   sigma.worse, sigma.known, 100 * sigma.worse_relative, sigma.worse_view_theta_deg,
+                   sigma.worse_view_phi_deg, sigma.worse_light_theta_deg,
+                   sigma.worse_light_phi_deg);
 }
 
 static void tell(Record *to, const struct check *check) {

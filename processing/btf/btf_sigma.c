@@ -8,7 +8,8 @@
 #include "base/data_error.h"
 #include "base/robust.h"
 
-#define SIGNIFICANT_BITS 5 /* significant bits of a stored σ */
+#define SIGNIFICANT_BITS 5     /* significant bits of a stored σ */
+#define SAME_DEG         0.001 /* polar angles that differ by less are the same */
 
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error) {
@@ -145,11 +146,63 @@ gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret) {
            exr_get_double(part, "sigma.relative", &ret->relative, NULL);
 }
 
+/* sigma.relative of a captured picture, and its directions */
+struct captured {
+    double relative, view_theta_deg, view_phi_deg, light_theta_deg, light_phi_deg;
+};
+
+static gboolean same_angles(const struct captured *a, const struct captured *b) {
+    return fabs(a->view_theta_deg - b->view_theta_deg) < SAME_DEG &&
+           fabs(a->light_theta_deg - b->light_theta_deg) < SAME_DEG;
+}
+
+static int by_angles(gconstpointer one, gconstpointer other) {
+    const struct captured *a = one, *b = other;
+    if (same_angles(a, b))
+        return 0;
+    if (fabs(a->view_theta_deg - b->view_theta_deg) >= SAME_DEG)
+        return a->view_theta_deg < b->view_theta_deg ? -1 : 1;
+    return a->light_theta_deg < b->light_theta_deg ? -1 : 1;
+}
+
+/* Finds the pictures that are worse than others at the same polar angles. A grazing view or light
+ * has larger errors in every session. */
+static void find_worse(GArray *pictures, struct btf_sigma_sums *ret) {
+    g_autofree double *values = g_new(double, pictures->len + 1);
+    const struct captured *all = (const struct captured *)(const void *)pictures->data;
+    double farthest = 0;
+    for (guint i = 0; i < pictures->len; i++)
+        values[i] = all[i].relative;
+    const double usual = btf_sigma_median(values, pictures->len);
+    g_array_sort(pictures, by_angles);
+    for (guint first = 0, end = 0; first < pictures->len; first = end) {
+        for (end = first; end < pictures->len && same_angles(&all[first], &all[end]); end++)
+            values[end - first] = all[end].relative;
+        const double of_ring =
+            end - first < BTF_SIGMA_RING ? usual : btf_sigma_median(values, end - first);
+        for (guint i = first; i < end; i++) {
+            const double relative = all[i].relative;
+            if (relative <= BTF_SIGMA_LARGE || relative <= 2 * of_ring)
+                continue;
+            ret->worse++;
+            if (relative <= farthest * of_ring)
+                continue;
+            farthest = relative / of_ring;
+            ret->worse_relative = relative;
+            ret->worse_view_theta_deg = all[i].view_theta_deg;
+            ret->worse_view_phi_deg = all[i].view_phi_deg;
+            ret->worse_light_theta_deg = all[i].light_theta_deg;
+            ret->worse_light_phi_deg = all[i].light_phi_deg;
+        }
+    }
+}
+
 void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
     g_autofree char *folder = g_build_filename(directory, "products", "btf", NULL);
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     g_autoptr(GArray) medians = g_array_new(FALSE, FALSE, sizeof(double));
     g_autoptr(GArray) relatives = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) pictures = g_array_new(FALSE, FALSE, sizeof(struct captured));
     double errors = 0, values = 0;
     const char *name;
     *ret = (struct btf_sigma_sums){0};
@@ -169,20 +222,20 @@ void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
             errors += sigma.rms * sigma.rms;
             values += sigma.value * sigma.value;
             ret->large += sigma.relative > BTF_SIGMA_LARGE;
-            if (sigma.relative <= ret->worst)
+            ret->worst = fmax(ret->worst, sigma.relative);
+            int predicted;
+            struct captured picture = {.relative = sigma.relative};
+            if ((exr_get_int(part, "mesorig.predicted", &predicted, NULL) && predicted > 0) ||
+                !exr_get_double(part, "view.theta_deg", &picture.view_theta_deg, NULL) ||
+                !exr_get_double(part, "view.phi_deg", &picture.view_phi_deg, NULL) ||
+                !exr_get_double(part, "light.theta_deg", &picture.light_theta_deg, NULL) ||
+                !exr_get_double(part, "light.phi_deg", &picture.light_phi_deg, NULL))
                 continue;
-            ret->worst = sigma.relative;
-            exr_get_double(part, "view.theta_deg", &ret->worst_view_theta_deg, NULL);
-            exr_get_double(part, "view.phi_deg", &ret->worst_view_phi_deg, NULL);
-            exr_get_double(part, "light.theta_deg", &ret->worst_light_theta_deg, NULL);
-            exr_get_double(part, "light.phi_deg", &ret->worst_light_phi_deg, NULL);
+            g_array_append_val(pictures, picture);
         }
     }
     ret->median = btf_sigma_median((double *)(void *)medians->data, medians->len);
     ret->relative = btf_sigma_median((double *)(void *)relatives->data, relatives->len);
-    for (guint i = 0; i < relatives->len; i++) {
-        const double relative = g_array_index(relatives, double, i);
-        ret->worse += relative > BTF_SIGMA_LARGE && relative > 2 * ret->relative;
-    }
+    find_worse(pictures, ret);
     ret->share = values > 0 ? errors / values : 0;
 }

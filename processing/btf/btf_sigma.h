@@ -95,12 +95,17 @@ struct btf_sigma_sums {
     double relative;   /* median of sigma.relative over the known pictures */
     double share;      /* Σ sigma.rms² / Σ sigma.value² over the known pictures */
     int large;         /* number of pictures whose sigma.relative is above BTF_SIGMA_LARGE */
-    /* number of these pictures whose sigma.relative is also more than twice `relative` */
+    double worst;      /* largest sigma.relative */
+    /* Number of captured pictures whose sigma.relative is above BTF_SIGMA_LARGE and more than twice
+     * its median over the captured pictures with the same polar angles of view and light. If there
+     * are fewer than BTF_SIGMA_RING of these, the median over all captured pictures is used. */
     int worse;
-    double worst; /* largest sigma.relative; the directions of that picture follow */
-    double worst_view_theta_deg, worst_view_phi_deg, worst_light_theta_deg, worst_light_phi_deg;
+    /* sigma.relative and directions of the picture that is farthest above its median */
+    double worse_relative;
+    double worse_view_theta_deg, worse_view_phi_deg, worse_light_theta_deg, worse_light_phi_deg;
 };
 #define BTF_SIGMA_LARGE 0.05
+#define BTF_SIGMA_RING  6
 
 /* Collects the error bars from the headers of all files in products/btf of a session's directory.
  * Files that cannot be read are left out. If there are no files, all members are 0. */
