@@ -3,8 +3,13 @@
 #include <cairo.h>
 #include <math.h>
 
-/* Pixels; LINE: of a line of text. */
-enum { SCALE = 6, GAP = 8, BAR = 14, LINE = 18 };
+/* Pixels; LINE: of a line of text; PANEL: at most the width of a picture of the MDF. */
+enum { PANEL = 384, GAP = 8, BAR = 14, LINE = 18 };
+
+/* Pixels of a texel. */
+static int scale_of(const struct session_grid *grid, int panel) {
+    return MAX(1, panel / grid->width);
+}
 
 /* The colours of a height picture, viridis: dark violet is deepest, yellow highest; of equal steps
  * in lightness, so that grey prints show the same. −1, not measured, is grey. */
@@ -113,9 +118,9 @@ static void paint_bars(guint8 *picture, int stride, int panel, int top, float le
 /* Three panels: measured, true, measured − true over ± a quarter of a texel. */
 gboolean demo_write_mdf(const char *path, const struct session_grid *grid, const float *measured,
                         const float *truth, GError **error) {
-    const int w = grid->width, h = grid->height;
-    const int width = 3 * w * SCALE + 2 * GAP, height = LINE + h * SCALE + GAP + BAR + LINE;
-    const int panel = w * SCALE, step = panel + GAP, bars = LINE + h * SCALE + GAP;
+    const int w = grid->width, h = grid->height, scale = scale_of(grid, PANEL);
+    const int width = 3 * w * scale + 2 * GAP, height = LINE + h * scale + GAP + BAR + LINE;
+    const int panel = w * scale, step = panel + GAP, bars = LINE + h * scale + GAP;
     const float span = (float)(0.25 * grid->width_mm / w);
     float least = INFINITY, most = 0;
     for (int i = 0; i < w * h; i++) {
@@ -131,14 +136,14 @@ gboolean demo_write_mdf(const char *path, const struct session_grid *grid, const
             const float d = measured[y * w + x], t = truth[y * w + x];
             guint8 rgb[3];
             height_colour(d, least, most, rgb);
-            blow_up(picture, width, x * SCALE, LINE + y * SCALE, SCALE, rgb);
+            blow_up(picture, width, x * scale, LINE + y * scale, scale, rgb);
             height_colour(t, least, most, rgb);
-            blow_up(picture, width, step + x * SCALE, LINE + y * SCALE, SCALE, rgb);
+            blow_up(picture, width, step + x * scale, LINE + y * scale, scale, rgb);
             if (d < 0 || t < 0)
                 height_colour(-1, least, most, rgb);
             else
                 difference_colour(d - t, span, rgb);
-            blow_up(picture, width, 2 * step + x * SCALE, LINE + y * SCALE, SCALE, rgb);
+            blow_up(picture, width, 2 * step + x * scale, LINE + y * scale, scale, rgb);
         }
     paint_bars(picture, width, panel, bars, least, most);
     static const char *const titles[] = {"measured depth", "true depth", "measured − true"};
@@ -164,23 +169,23 @@ static guint8 to_srgb(float value) {
 struct demo_btf {
     struct session_grid grid;
     int width, height, n; /* n: columns */
+    int scale;            /* pixels of a texel */
     guint8 *picture;
     GArray *captions;
 };
 
-enum { BTF_SCALE = SCALE / 2 };
-
 struct demo_btf *demo_btf_new(const struct session_grid *grid) {
     struct demo_btf *btf = g_new0(struct demo_btf, 1);
     btf->grid = *grid;
-    btf->width = DEMO_BTF_COLUMNS * (grid->width * BTF_SCALE + GAP) - GAP;
-    btf->height = 2 * LINE + 3 * (LINE + grid->height * BTF_SCALE);
+    btf->scale = scale_of(grid, PANEL / 2);
+    btf->width = DEMO_BTF_COLUMNS * (grid->width * btf->scale + GAP) - GAP;
+    btf->height = 2 * LINE + 3 * (LINE + grid->height * btf->scale);
     btf->picture = g_malloc((gsize)btf->width * btf->height * 3);
     memset(btf->picture, 40, (gsize)btf->width * btf->height * 3);
     btf->captions = captions_new();
     static const char *const titles[] = {"measured", "true", "four times measured − true"};
     for (int row = 0; row < 3; row++)
-        captions_add(btf->captions, 2, 2 * LINE + row * (LINE + grid->height * BTF_SCALE), FALSE,
+        captions_add(btf->captions, 2, 2 * LINE + row * (LINE + grid->height * btf->scale), FALSE,
                      "%s", titles[row]);
     return btf;
 }
@@ -199,7 +204,7 @@ gboolean demo_btf_add(struct demo_btf *btf, const struct exr_part *part,
     const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                               exr_part_plane(part, "B")};
     const int w = btf->grid.width, h = btf->grid.height;
-    const int left = btf->n * (w * BTF_SCALE + GAP);
+    const int left = btf->n * (w * btf->scale + GAP);
     if (btf->n == DEMO_BTF_COLUMNS)
         return FALSE;
     for (int y = 0; y < h; y++)
@@ -211,10 +216,10 @@ gboolean demo_btf_add(struct demo_btf *btf, const struct exr_part *part,
                 rgb[1][c] = to_srgb(should);
                 rgb[2][c] = (guint8)CLAMP(127.5f + 4 * 255 * (is - should), 0.0f, 255.0f);
             }
-            const int top = 3 * LINE + y * BTF_SCALE;
+            const int top = 3 * LINE + y * btf->scale;
             for (int row = 0; row < 3; row++)
-                blow_up(btf->picture, btf->width, left + x * BTF_SCALE,
-                        top + row * (LINE + h * BTF_SCALE), BTF_SCALE, rgb[row]);
+                blow_up(btf->picture, btf->width, left + x * btf->scale,
+                        top + row * (LINE + h * btf->scale), btf->scale, rgb[row]);
         }
     captions_add(btf->captions, left + 2, 0, FALSE, "view θ %.0f°, φ %.0f°", view->theta_deg,
                  view->phi_deg);

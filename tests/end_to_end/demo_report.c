@@ -36,8 +36,10 @@ struct products { /* what was made of the frames */
     Session *session;
     struct exr_file *mdf;
     struct mdf_sums sums;
-    GArray *errors, *steep; /* of the BTF, relative; steep: from views below 30° */
-    double chi2;            /* as that of the MDF */
+    GArray *errors, *steep; /* of captured pictures, relative; steep: from views below 30° */
+    /* sums of squares of differences and of true values: captured pictures, and left out ones */
+    double differences[2], values[2];
+    double chi2; /* as that of the MDF */
     gint64 n_bars, beyond;
 };
 
@@ -192,11 +194,13 @@ static gboolean measure_mdf(struct report *report, GError **error) {
     return TRUE;
 }
 
+/* The shot of a pair; adaptive sampling may have left it out. */
 static const struct session_shot *find_lamp_shot(const struct report *report,
                                                  const struct session_direction *view, int light) {
     for (guint i = 0; i < report->shots->len; i++) {
         const struct session_shot *shot = g_ptr_array_index(report->shots, i);
-        if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE && shot->source == light &&
+        if (shot->kind == SHOT_LAMP && shot->source == light &&
+            (shot->state == SHOT_DONE || shot->state == SHOT_SKIPPED) &&
             camera_set_has(shot->cameras, view->device) &&
             fabs(shot->turntable_deg - view->turntable_deg) < 1e-6)
             return shot;
@@ -206,7 +210,7 @@ static const struct session_shot *find_lamp_shot(const struct report *report,
 
 static gboolean measure_btf_pair(struct report *report, const struct session_direction *view,
                                  const struct session_direction *light, const float *truth,
-                                 gboolean draw, GError **error) {
+                                 gboolean left_out, gboolean draw, GError **error) {
     for (int k = 0; k < report->n_kinds; k++) {
         g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", view->index);
         g_autofree char *path = session_file(report->products[k].session, relative);
@@ -224,6 +228,10 @@ static gboolean measure_btf_pair(struct report *report, const struct session_dir
             for (int c = 0; c < 3; c++) {
                 const float exact = truth[t * 3 + c];
                 const float relative_error = fabsf(planes[c][t] - exact) / MAX(exact, 0.02f);
+                products->differences[left_out] += pow((double)(planes[c][t] - exact), 2);
+                products->values[left_out] += (double)exact * (double)exact;
+                if (left_out)
+                    continue;
                 g_array_append_val(view->theta_deg > 60 ? products->steep : products->errors,
                                    relative_error);
                 if (!bars || !(sigma[t] > 0))
@@ -277,8 +285,10 @@ static gboolean measure_btf(struct report *report, GError **error) {
     gboolean ok = TRUE;
     for (int i = 0; i < btf_pairs; i++) {
         const struct btf_pair *pair = &pairs[i];
-        ok = ok && (!pair->truth || measure_btf_pair(report, pair->view, pair->light, pair->truth,
-                                                     btf_png && i % 3 == 0, error));
+        const gboolean left_out = pair->shot && pair->shot->state == SHOT_SKIPPED;
+        ok = ok && (!pair->truth ||
+                    measure_btf_pair(report, pair->view, pair->light, pair->truth, left_out,
+                                     btf_png && !left_out && i % 3 == 0, error));
         g_free(pair->truth);
     }
     return ok && (!btf_png || demo_btf_write(report->picture, btf_png, error));
@@ -301,6 +311,8 @@ enum {
     BTF_STEEP_P95,
     BTF_CHI2,
     BTF_BEYOND,
+    BTF_RMS,
+    BTF_LEFT_OUT_RMS,
     FIGURES
 };
 static const char *const figure_names[FIGURES] = {
@@ -319,6 +331,8 @@ static const char *const figure_names[FIGURES] = {
     "btf_relative_error_above_60deg_p95",
     "btf_chi2",
     "btf_beyond_3_sigma",
+    "btf_rms",
+    "btf_left_out_rms",
 };
 
 static void sum_up(const struct report *report, const struct products *products,
@@ -339,6 +353,8 @@ static void sum_up(const struct report *report, const struct products *products,
     ret[MDF_BEYOND] = (double)sums->beyond / (double)sums->n_bars;
     ret[BTF_CHI2] = products->chi2 / (double)products->n_bars;
     ret[BTF_BEYOND] = (double)products->beyond / (double)products->n_bars;
+    ret[BTF_RMS] = sqrt(products->differences[0] / products->values[0]);
+    ret[BTF_LEFT_OUT_RMS] = sqrt(products->differences[1] / products->values[1]);
     ret[BTF_MEDIAN] = quantile(products->errors, 0.5);
     ret[BTF_P95] = quantile(products->errors, 0.95);
     ret[BTF_STEEP_MEDIAN] = quantile(products->steep, 0.5);
