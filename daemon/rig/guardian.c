@@ -54,13 +54,20 @@ static void guardian_send(Guardian *guardian, enum message message) {
         g_debug("cannot send to the guardian: %s", g_strerror(errno));
 }
 
+/* Receives the next answer. A guardian that ends without having read a beat resets the connection.
+ * This is told once, before the answers that it has sent. */
+static ssize_t receive(const Guardian *guardian, char bytes[ANSWER_MAX]) {
+    const ssize_t n = recv(guardian->socket, bytes, ANSWER_MAX, MSG_DONTWAIT);
+    return n < 0 && errno == ECONNRESET ? recv(guardian->socket, bytes, ANSWER_MAX, MSG_DONTWAIT)
+                                        : n;
+}
+
 /* Reads all pending answers. */
 static void guardian_read(Guardian *guardian) {
     char bytes[ANSWER_MAX];
     ssize_t n;
 
-    while (guardian->socket >= 0 &&
-           (n = recv(guardian->socket, bytes, sizeof bytes, MSG_DONTWAIT)) > 0) {
+    while (guardian->socket >= 0 && (n = receive(guardian, bytes)) > 0) {
         struct answer answer;
         if ((gsize)n < sizeof answer)
             continue;
