@@ -13,7 +13,7 @@ import sys
 import MaterialX as mx
 import numpy as np
 
-FINER = 3  # samples of a pixel each way
+FINER = 2  # samples of a pixel each way
 LAMP = """<?xml version="1.0"?>
 <materialx version="1.39">
   <directional_light name="lamp" type="lightshader">
@@ -83,6 +83,7 @@ def draw(path, shape, scene, out):
     context.registerSourceCodeSearchPath(mx.getDefaultDataSearchPath())
     context.getOptions().targetColorSpaceOverride = "lin_rec709"
     context.getOptions().hwMaxActiveLightSources = 1
+    context.getOptions().fileTextureVerticalFlip = True  # v goes up, and pictures begin at the top
 
     size = scene["size"] * FINER
     renderer = gl.GlslRenderer.create(size, size, render.BaseType.FLOAT)
