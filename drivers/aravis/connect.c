@@ -4,6 +4,7 @@
 #include "registers.h"
 
 #include <arpa/inet.h>
+#include <errno.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
@@ -57,7 +58,11 @@ static gboolean connect_ask(const char *ip, guint32 *ret_control, GInetAddress *
     socklen_t size = sizeof ours;
     inet_pton(AF_INET, ip, &to.sin_addr);
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    gboolean routed = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof to) == 0 &&
+    if (fd < 0)
+        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
+                                "no socket can be opened for the camera at %s: %s", ip,
+                                g_strerror(errno));
+    gboolean routed = connect(fd, (struct sockaddr *)&to, sizeof to) == 0 &&
                       getsockname(fd, (struct sockaddr *)&ours, &size) == 0;
     gboolean answered = routed && probe(fd, ret_control);
     if (answered)
@@ -68,8 +73,7 @@ static gboolean connect_ask(const char *ip, guint32 *ret_control, GInetAddress *
                                 : "there is no route to %s" ERROR_ADVICE
                                   "check the network's settings",
                          ip);
-    if (fd >= 0)
-        close(fd);
+    close(fd);
     return answered;
 }
 

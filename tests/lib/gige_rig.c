@@ -157,7 +157,7 @@ void eye_check_part(struct eye *eye) {
     g_assert_false(camera_configure(eye->camera, &more, &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
     g_assert_cmpstr(error->message, ==,
-                    "camera eye: cannot have a gain of 24.5 dB, only 0 to 24 dB");
+                    "camera eye: cannot have a gain of 24.5 dB, only 0 to 24 dB; correct gain_db");
     g_assert_true(camera_configure(eye->camera, &wanted, NULL));
     g_assert_true(camera_arm(eye->camera, NULL));
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FRAME);
