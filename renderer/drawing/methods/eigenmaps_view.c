@@ -240,7 +240,7 @@ guint eigenmaps_view_weights(const struct eigenmaps *maps, GError **error) {
 }
 
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
-    if (!eigenmaps_view_check(maps, error) || !check_layers(maps, error))
+    if (!check_layers(maps, error) || !eigenmaps_view_check(maps, error))
         return NULL;
     g_autoptr(Directions) lights = method_directions(&maps->layout.lights, "lights", FALSE, error);
     if (!lights)
