@@ -200,7 +200,7 @@ TEST(choosers) {
         return;
     choose(&u, 5, 2, 2);
     check(&u, "Shape", "sphere");
-    choose(&u, 5, 0, 4);
+    choose(&u, 5, 0, 5);
     user_wait_for_title(&u, "fields.exr");
     check(&u, "Compare", "one picture");
     choose(&u, 5, 1, 1); /* split; there is one chooser more now */
@@ -213,7 +213,7 @@ TEST(choosers) {
     /* What is not there: said, and nothing else changes. */
     const struct box bottom = {305, 380, 400, 460};
     struct seen without = see(&u);
-    choose(&u, 6, 0, 3);
+    choose(&u, 6, 0, 4);
     g_assert_true(wait_for_change(&u, &without, &bottom, 300, DEADLINE_S));
     g_free(without.rgb);
     check(&u, "Source", "reflectance fields, and how much brighter is eigen-maps");
@@ -273,7 +273,7 @@ TEST(while_opening) {
     wait_for(&u, "Source", "eigen-maps, and on the right " METAL);
     const int fd = take(map);
     if (fd >= 0) {
-        choose(&u, 7, 0, 11);
+        choose(&u, 7, 0, 12);
         UNTIL (is_waited_for(fd))
             g_usleep(20000);
         choose(&u, 7, 4, 2);
@@ -364,7 +364,7 @@ TEST(while_capturing) {
     capturing_move_view(made, session, 0);
     if (user_sit_down(&u, session, (const char *[]){WINDOW, "--size", "400x600", NULL})) {
         user_wait_for_title(&u, "eigenmaps.exr");
-        choose(&u, 5, 0, 4);
+        choose(&u, 5, 0, 5);
         wait_for(&u, "Source", "reflectance fields");
         for (int view = 1; view < 5; view++) {
             capturing_move_view(made, session, view);
