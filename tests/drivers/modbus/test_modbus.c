@@ -279,7 +279,7 @@ TEST(bad_configuration) {
         refuse(&modbus_axis_driver, text->str, CONFIG_ERROR, (int)rows[i].code, rows[i].words,
                FALSE);
     }
-    refuse(&modbus_axis_driver, good, CONFIG_ERROR, CONFIG_ERROR_VALUE, "set clock = real", TRUE);
+    refuse(&modbus_axis_driver, good, CONFIG_ERROR, CONFIG_ERROR_VALUE, "write clock = real", TRUE);
 }
 
 static void refuse_bus(const char *bus, int code, const char *words) {
