@@ -185,6 +185,8 @@ class Camera:
         if FAULT == "path":
             name = os.path.join(self.folder, name)
         number = 1 if FAULT == "repeats-number" else self.n
+        if FAULT == "answers-early":  # by nearly the whole exposure, however long the file took
+            start_us = time.monotonic_ns() // 1000
         if FAULT == "time-of-day":
             start_us = time.time_ns() // 1000
         if FAULT == "old-time":
