@@ -8,12 +8,13 @@
 #include "base/data_error.h"
 #include "base/robust.h"
 #include "exr/exr.h"
+#include "exr/exr_half.h"
 #include "frames/sweep.h"
 
-#define SATURATION  0.98    /* part of white from which on a pixel counts as saturated */
-#define MAX_DN_MS   65504.0 /* maximum value of a frame in DN per ms: the largest half float */
-#define UNEVEN      0.05    /* maximum deviation of a picture's angle from its step, in steps */
-#define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
+#define SATURATION  0.98 /* part of white from which on a pixel counts as saturated */
+#define MAX_DN_MS   ((double)EXR_HALF_LARGEST) /* maximum value of a frame in DN per ms */
+#define UNEVEN      0.05 /* maximum deviation of a picture's angle from its step, in steps */
+#define MAX_MISSING 0.1  /* largest share of a sweep's pictures that may be missing */
 /* A peak is invalid if a picture is missing within BESIDE steps of the peak, or within PULSE
  * standard deviations of its pulse, whichever is farther. */
 #define BESIDE 2.0

@@ -9,8 +9,6 @@
 #include "directions/directions.h"
 #include "exr/exr_half.h"
 
-#define HALF_MAX 65504.0F
-
 /* Totals over all mip levels: the number of clusters, the maximum number of components, and the
  * number of texels. */
 struct totals {
@@ -94,7 +92,7 @@ static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack
                                            "weight %zu of texel %zu of mip level %d is not a "
                                            "finite number; compress the material again",
                                            i, k, level);
-                row[i] = CLAMP(lpca->weights[own * k + i], -HALF_MAX, HALF_MAX);
+                row[i] = CLAMP(lpca->weights[own * k + i], -EXR_HALF_LARGEST, EXR_HALF_LARGEST);
             }
             exr_half_from_floats(weights + components * at, row, own);
         }
@@ -128,7 +126,7 @@ static gboolean webgl_pack_cluster(struct volumes *to, const struct lpca *grid, 
                                        "an eigen-BRDF of cluster %d has a value that is not "
                                        "finite; compress the material again",
                                        cluster);
-            to->values[k] = CLAMP(to->values[k], -HALF_MAX, HALF_MAX);
+            to->values[k] = CLAMP(to->values[k], -EXR_HALF_LARGEST, EXR_HALF_LARGEST);
         }
         if (i == 0)
             exr_half_from_floats(to->means + to->block * at, to->values, to->block);

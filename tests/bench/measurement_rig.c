@@ -85,7 +85,8 @@ World *bench_world(const struct bench_setup *setup, GError **error) {
 }
 
 void bench_rig(const struct bench_setup *setup, struct rig *ret) {
-    *ret = (struct rig){.n_cameras = RIG_VIEWS, .n_lamps = RIG_VIEWS, .n_lasers = RIG_VIEWS};
+    *ret = (struct rig){
+        .id = "bench", .n_cameras = RIG_VIEWS, .n_lamps = RIG_VIEWS, .n_lasers = RIG_VIEWS};
     for (int i = 0; i < RIG_VIEWS; i++) {
         struct vec3 out = rig_direction(RAD(bench_elevation_deg(i)), 0), in = vec3_scale(out, -1);
         struct picture picture = picture_of(setup, i);
@@ -107,6 +108,9 @@ void bench_rig(const struct bench_setup *setup, struct rig *ret) {
         ret->lasers[i] = (struct rig_laser){.position_mm = vec3_scale(out, LASER_MM),
                                             .axis = vec3(0, 1, 0),
                                             .normal = vec3_cross(vec3(0, 1, 0), in)};
+        g_snprintf(camera->name, RIG_NAME, "cam%d", i);
+        g_snprintf(ret->lamps[i].name, RIG_NAME, "lamp%d", i);
+        g_snprintf(ret->lasers[i].name, RIG_NAME, "laser%d", i);
     }
 }
 

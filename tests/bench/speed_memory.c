@@ -70,14 +70,6 @@ static void make_session(const char *path, const char *frame, int views) {
         .material = "weave", .texels = TEXELS, .texel_mm = 50.0 / TEXELS, .pixels_a_texel = 2};
     struct rig *rig = g_new0(struct rig, 1);
     bench_rig(&setup, rig);
-    /* A calibration file wants names. */
-    g_strlcpy(rig->id, "bench", sizeof rig->id);
-    for (int i = 0; i < rig->n_cameras; i++)
-        g_snprintf(rig->cameras[i].name, RIG_NAME, "cam%d", i);
-    for (int i = 0; i < rig->n_lamps; i++)
-        g_snprintf(rig->lamps[i].name, RIG_NAME, "lamp%d", i);
-    for (int i = 0; i < rig->n_lasers; i++)
-        g_snprintf(rig->lasers[i].name, RIG_NAME, "laser%d", i);
     g_autofree char *calibration = rig_to_text(rig);
     g_autofree struct session_direction *view = g_new0(struct session_direction, views);
     g_autofree struct session_direction *light = g_new0(struct session_direction, LIGHTS);

@@ -63,13 +63,6 @@ static void calibrate(struct calibration *calibration) {
 static struct calibration *new_calibration(const struct bench_setup *setup) {
     struct rig *rig = g_new0(struct rig, 1);
     bench_rig(setup, rig);
-    g_strlcpy(rig->id, "bench", sizeof rig->id);
-    for (int i = 0; i < rig->n_cameras; i++)
-        g_snprintf(rig->cameras[i].name, RIG_NAME, "cam%d", i);
-    for (int i = 0; i < rig->n_lamps; i++)
-        g_snprintf(rig->lamps[i].name, RIG_NAME, "lamp%d", i);
-    for (int i = 0; i < rig->n_lasers; i++)
-        g_snprintf(rig->lasers[i].name, RIG_NAME, "laser%d", i);
     struct calibration *calibration = calibration_new(rig);
     calibrate(calibration);
     g_free(rig);

@@ -2,10 +2,10 @@
 #include <string.h>
 
 #include "codecs/codec/texel_model.h"
+#include "exr/exr_half.h"
 #include "lobes_private.h"
 
 #define COLOURS 3
-#define LARGEST 65504.0F /* the largest half */
 
 static const char *const rgb[] = {"R", "G", "B"}, *const xyzn[] = {"X", "Y", "Z", "N"};
 
@@ -96,7 +96,7 @@ static gboolean format_error(const char *path, GError **error, const char *what)
 
 static gboolean all_finite(const float *values, gsize n) {
     for (gsize i = 0; i < n; i++)
-        if (!(fabsf(values[i]) <= LARGEST))
+        if (!(fabsf(values[i]) <= EXR_HALF_LARGEST))
             return FALSE;
     return TRUE;
 }
