@@ -212,6 +212,7 @@ void laser_pictures_finish(const LaserPictures *p, struct laser_lines *ret) {
         return;
     ret->roll_rad = ret->roll_seen_rad = roll / weight;
     ret->offset_rad = offset / weight;
+    ret->roll_error_rad = ret->offset_error_rad = INFINITY; /* unknown */
     ret->turn_rad = g_new0(float, p->n_frames);
     for (int k = 0; k < p->n_frames; k++) {
         int nearest = -1;

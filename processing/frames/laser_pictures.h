@@ -29,5 +29,6 @@ void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
 /* Gives the lines of all frames. turn_rad of a frame without a line is copied from the nearest
  * frame with a line; turn_rad is NULL if no frame has a line. The roll is the mean over all lines,
- * weighted by their number of candidates. disagrees is FALSE, and standard errors are 0. */
+ * weighted by their number of candidates. disagrees is FALSE. The standard errors are unknown, and
+ * are stored as INFINITY, so the error bars of the MDF are those of the calibration. */
 void laser_pictures_finish(const LaserPictures *pictures, struct laser_lines *ret);

@@ -1,5 +1,6 @@
 /* A sweep axis that has slipped, in the simulated world: the line on the turntable next to a weave
  * shows the slip, and the surface is found at its true place. */
+#include "base/robust.h"
 #include "capture/intake/radiance.h"
 #include "frames/laser_pictures.h"
 #include "frames/sweep.h"
@@ -16,6 +17,8 @@
 #define POSITIONS 8
 #define REACH_MM  17
 #define SLIP_DEG  0.25
+
+#define OFFSET_ERROR_MM 0.1
 
 static const struct session_grid grid = {TEXELS, TEXELS, 26, 26, 2.2, 2.2};
 static const struct laser_reference table = {0, 0.01, {33, 33}, 2.2, 60};
@@ -95,8 +98,22 @@ static double sheet_error(const struct laser_lines *lines, double slip) {
     return squares;
 }
 
+/* Returns the median standard error of the distances. */
+static double median_error(const MdfView *view) {
+    float mm[N_TEXELS], n[N_TEXELS], error_mm[N_TEXELS];
+    double known[N_TEXELS];
+    int n_known = 0;
+    mdf_view_merge(view, mm, n, error_mm);
+    for (int i = 0; i < N_TEXELS; i++)
+        if (mm[i] >= 0 && error_mm[i] >= 0)
+            known[n_known++] = (double)error_mm[i];
+    return robust_median(known, n_known);
+}
+
 TEST(slipped) {
     static const struct laser_known known = {1e-4, 1e-4};
+    static const struct rig_sheet_errors errors = {.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] =
+                                                       OFFSET_ERROR_MM * OFFSET_ERROR_MM};
     g_autoptr(World) world = new_world();
     const struct rig rig = two_lasers_rig(SIDE);
     g_autoptr(LaserRegion) region =
@@ -128,6 +145,7 @@ TEST(slipped) {
                        in_pictures.roll_rad / DEGREE);
         g_assert_cmpfloat_with_epsilon(in_pictures.offset_rad, slip, 0.05 * DEGREE);
         sweep.lines = &in_pictures;
+        sweep.errors = &errors;
         mdf_view_add(published, &sweep);
         squares += sheet_error(&lines, slip) / POSITIONS;
         published_squares += sheet_error(&in_pictures, slip) / POSITIONS;
@@ -143,6 +161,9 @@ TEST(slipped) {
     g_test_message(
         "RMS %.4f mm by lines found in pictures (%.3f); sheets %.5f°, by peak times %.5f°",
         in_pictures, published_coverage, sqrt(published_squares) / DEGREE, sqrt(squares) / DEGREE);
+    /* Lines in pictures have no known error, so error bars keep the calibration's: 0.1 mm for each
+     * of two lasers, more along a slanting ray. */
+    g_assert_cmpfloat(median_error(published), >, OFFSET_ERROR_MM / sqrt(2));
     g_assert_cmpfloat(squares, <, published_squares);
     g_assert_cmpfloat(in_pictures, <, bare / 2);
     g_assert_cmpfloat(coverage, >, 0.95);
