@@ -345,8 +345,8 @@ static void park(struct bus_unattended *at) {
         rest_now(at);
 }
 
-/* Returns whether the open rig is the one for which the session was added, and all its devices are
- * safe. If not, pauses the queue. */
+/* Returns whether the open rig is the one for which the session was added, the rig file has not
+ * changed since it was opened, and all devices are safe. If not, pauses the queue. */
 static gboolean check_rig(struct bus_unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
@@ -354,7 +354,7 @@ static gboolean check_rig(struct bus_unattended *at, const struct queue_item *it
         why = g_strdup_printf("session %u was added for the rig %s, but %s is open: open that rig, "
                               "or remove the session (mesorig queue remove %u)",
                               item->id, item->rig, at->rig->path, item->id);
-    else if (!bus_safety_need(at->rig, &error))
+    else if (!devices_check_file(at->rig->devices, &error) || !bus_safety_need(at->rig, &error))
         why = g_strdup_printf("%s; then mesorig queue resume", error->message);
     if (why)
         pause_queue(at, why);

@@ -405,6 +405,29 @@ TEST(ended_by_hand) {
     }
 }
 
+/* The rig file changes during a session: the next session waits until the file is opened again. */
+TEST(rig_file_changed) {
+    struct site *site = site_new(NULL);
+    g_autofree char *first = write_session(site, "first", many);
+    g_autofree char *second = write_session(site, "second", NULL);
+    g_autofree char *text = NULL;
+    ok(g_file_get_contents(site->run->rig, &text, NULL, ERR));
+    g_autofree char *changed =
+        small_rig_changed(text, &(struct change){"[axis arc]", "park_deg = 5"});
+    QUEUE(site, 0, "add", first, second, "--into", site->run->directory);
+    wait_for_shots(site, "first", 1);
+    ok(g_file_set_contents(site->run->rig, changed, -1, ERR));
+    wait_for(site, "done waiting paused");
+    assert_has(site->run->out, "has changed since mesorigd opened it");
+    assert_has(site->run->out, "then mesorig queue resume");
+    daemon_end(site, SIGTERM);
+    daemon_start(site);
+    QUEUE(site, 0, "resume", NULL);
+    wait_for(site, "done done empty");
+    assert_whole(site, "second");
+    site_free(site);
+}
+
 /* Two sessions in a row that stop say something of the rig. */
 TEST(two_stop) {
     struct site *site = site_new(NULL);
