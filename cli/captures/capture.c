@@ -96,6 +96,29 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
     return done ? CLI_DONE : CLI_FAILED;
 }
 
+/* Waits until a daemon that other programs use as well has processed the session. Returns an exit
+ * code. */
+static int wait_for_products(Monitor *monitor, const char *directory, GError **error) {
+    switch (monitor_run_processing(monitor, directory)) {
+    case MONITOR_DONE:
+        return CLI_DONE;
+    case MONITOR_DETACHED:
+        if (!cli_json)
+            g_print("mesorigd continues the processing: mesorig info %s\n", directory);
+        return CLI_DONE;
+    case MONITOR_LOST:
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
+                    "mesorigd has ended before the frames were processed: mesorig process %s",
+                    directory);
+        return CLI_FAILED;
+    default:
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "%s was captured, but not processed: mesorig process %s says why", directory,
+                    directory);
+        return CLI_FAILED;
+    }
+}
+
 /* Captures a session or, if session is NULL, resumes the session in directory. Returns an exit
  * code. */
 static int capture(const struct call *call, const char *rig, const char *session,
@@ -128,7 +151,9 @@ static int capture(const struct call *call, const char *rig, const char *session
     monitor_set_answer(monitor, yes && simulated ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
-    const int code = tell_end(link, monitor, end, directory, error);
+    int code = tell_end(link, monitor, end, directory, error);
+    if (end == MONITOR_DONE && process && !private)
+        code = wait_for_products(monitor, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
     /* The child of a private daemon, which makes the products, ends with the daemon. The remaining

@@ -22,7 +22,9 @@ struct Monitor {
     enum monitor_end end;
     gboolean ended;
     int interrupts;
-    gboolean faulty; /* an error was printed since the capture last ran */
+    gboolean faulty;       /* an error was printed since the capture last ran */
+    const char *processed; /* session whose processing is waited for, or NULL for its capture */
+    gboolean processing_failed;
     char *shown_state, *reason;
     char *left_out; /* set by monitor_leave_out() */
     enum monitor_answer answer;
@@ -192,6 +194,12 @@ static void check(Monitor *monitor) {
         finish(monitor, MONITOR_LOST);
         return;
     }
+    if (monitor->processed) {
+        const char *const *directories = bus_rig1_get_processing(rig);
+        if (!directories || !g_strv_contains(directories, monitor->processed))
+            finish(monitor, monitor->processing_failed ? MONITOR_FAULT : MONITOR_DONE);
+        return;
+    }
     const char *state = bus_rig1_get_state(rig);
     /* The daemon sends the event of a fault before the new state, and another property may change
      * in between. "running" therefore ends the fault only if another state was shown since the
@@ -227,6 +235,8 @@ static void on_event(BusRig1 *rig, const char *level, const char *source, const 
     Monitor *monitor = data;
     if (strcmp(level, "error") == 0)
         monitor->faulty = TRUE;
+    if (strcmp(source, "process") == 0)
+        monitor->processing_failed = TRUE;
     if (cli_json) {
         g_autoptr(Record) record = record_new();
         record_add(record, "%s{event} %s{level} %s{source}", message, level, source);
@@ -264,7 +274,7 @@ static gboolean check_idle(gpointer data) {
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
-    if (!monitor->control) {
+    if (!monitor->control || monitor->processed) {
         finish(monitor, MONITOR_DETACHED);
         return G_SOURCE_CONTINUE;
     }
@@ -290,7 +300,8 @@ Monitor *monitor_new(Link *link, gboolean control) {
     monitor->loop = g_main_loop_new(NULL, FALSE);
     monitor->progress = progress_new("capture");
     BusRig1 *rig = link_rig(link);
-    g_signal_connect(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
+    /* after the proxy, which forgets the old values of arrays in its own handler */
+    g_signal_connect_after(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
     g_signal_connect(rig, "event", G_CALLBACK(on_event), monitor);
     g_signal_connect(rig, "notify::g-name-owner", G_CALLBACK(on_owner), monitor);
     g_signal_connect(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), "closed",
@@ -344,6 +355,18 @@ enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     if (!monitor->ended)
         g_main_loop_run(monitor->loop);
     progress_end(monitor->progress);
+    return monitor->end;
+}
+
+enum monitor_end monitor_run_processing(Monitor *monitor, const char *directory) {
+    monitor->processed = directory;
+    monitor->ended = FALSE;
+    check(monitor);
+    if (!monitor->ended) {
+        if (!cli_json)
+            g_print("processing %s; Ctrl-C ends only this program\n", directory);
+        g_main_loop_run(monitor->loop);
+    }
     return monitor->end;
 }
 

@@ -42,6 +42,11 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
  * capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 
+/* Runs the main loop until the daemon no longer processes the session in directory. Ctrl-C ends the
+ * waiting, not the processing. Returns MONITOR_DONE, MONITOR_FAULT if the processing has failed,
+ * MONITOR_DETACHED or MONITOR_LOST. */
+enum monitor_end monitor_run_processing(Monitor *monitor, const char *directory);
+
 /* Returns the reason for the pause, or "" if there was none; owned by the monitor. */
 const char *monitor_reason(const Monitor *monitor);
 

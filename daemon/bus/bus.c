@@ -29,6 +29,7 @@ static void show_idle(Bus *bus) {
                  "bytes-expected", (guint64)0, NULL);
     bus_rig1_set_pose(bus->object, bus_pose(bus->rig.devices, NULL));
     bus_rig1_set_places(bus->object, bus_places(bus->rig.devices));
+    bus_rig1_set_processing(bus->object, (const char *const[]){NULL});
     bus_rig_show_devices(&bus->rig);
     notify(bus);
 }

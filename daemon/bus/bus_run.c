@@ -97,7 +97,7 @@ void bus_run_end(struct bus_run *run) {
 }
 
 void bus_run_close(struct bus_run *run) {
-    g_clear_pointer(&run->follower, follower_free);
+    g_clear_pointer(&run->followers, followers_free);
     bus_run_end(run);
     drop_thumbnails(run);
     g_clear_pointer(&run->directory, g_free);
@@ -157,6 +157,21 @@ static void remember_rig(struct bus_run *run) {
         session_set_value(session, "rig_path", run->rig->path, NULL);
 }
 
+static void show_processing(gpointer data) {
+    struct bus_run *run = data;
+    g_autofree const char **directories = followers_directories(run->followers);
+    bus_rig1_set_processing(run->rig->object, directories);
+    run->hooks.shown(run->hooks.data);
+}
+
+static void processing_failed(const char *directory, gpointer data) {
+    struct bus_run *run = data;
+    g_autofree char *text = g_strdup_printf(
+        "%s could not be processed: when the capture has ended, mesorig process %s says why",
+        directory, directory);
+    bus_rig_report(run->rig, "warning", "process", text);
+}
+
 static void show_beginning(struct bus_run *run, Capture *capture, const char *directory,
                            gboolean process) {
     struct capture_status status;
@@ -181,7 +196,9 @@ static void show_beginning(struct bus_run *run, Capture *capture, const char *di
                   error->message);
     g_clear_error(&error);
     bus_rig1_set_session(run->rig->object, directory);
-    if (process && !(run->follower = follower_start(directory, &error)))
+    if (!run->followers)
+        run->followers = followers_new(show_processing, processing_failed, run);
+    if (process && !followers_start(run->followers, directory, &error))
         bus_rig_report(run->rig, "warning", "process", error->message);
     run->hooks.begun(run->hooks.data);
     changed(capture, run);
@@ -194,7 +211,6 @@ gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resu
         return FALSE;
     run->rig->is_safe = FALSE;
     bus_hands_end(run->hands, "a capture begins");
-    g_clear_pointer(&run->follower, follower_free);
     g_hash_table_remove_all(run->rig->faults);
     Capture *capture = resumed
                            ? capture_go_on(run->rig->devices, directory, warning, &callbacks, error)

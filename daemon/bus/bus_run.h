@@ -6,7 +6,7 @@
 
 #include "bus_hands.h"
 #include "capture/capture.h"
-#include "capture/follower.h"
+#include "capture/followers.h"
 
 /* Called in the main loop's thread with the data of the hooks. */
 struct bus_run_hooks {
@@ -22,9 +22,9 @@ struct bus_run {
     struct bus_hands *hands; /* borrowed */
     const char *address;     /* address by which clients reach the daemon; borrowed */
     struct bus_run_hooks hooks;
-    Capture *capture; /* NULL if no capture is running or paused */
-    char *directory;  /* directory of the session that is or was captured */
-    Follower *follower;
+    Capture *capture;     /* NULL if no capture is running or paused */
+    char *directory;      /* directory of the session that is or was captured */
+    Followers *followers; /* sessions that are being processed; NULL before the first one */
     /* Time of the monotonic clock when the capture began or last homed its axes. */
     gint64 started_us;
     double started_elapsed_s; /* time on the rig's clock when started_us was set */
@@ -41,16 +41,16 @@ gboolean bus_run_need(const struct bus_run *run, GError **error);
 
 /* Captures into a session directory that a job has made, or that a job has examined if resumed
  * is TRUE. warning is the answer of PREPARER_EXAMINE, or NULL for none. If process is TRUE, the
- * session is processed during the capture. Ends all use of devices by hand. Fails if the latch
- * of the safe state is set, if a device has not confirmed that it is safe, or if capture_begin()
- * or capture_go_on() fails. */
+ * session is processed during the capture and after it, also while the next session is captured.
+ * Ends all use of devices by hand. Fails if the latch of the safe state is set, if a device has not
+ * confirmed that it is safe, or if capture_begin() or capture_go_on() fails. */
 gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resumed,
                        const char *warning, gboolean process, GError **error);
 
 /* Ends the capture in its present state, so that it can be resumed. */
 void bus_run_end(struct bus_run *run);
 
-/* Calls bus_run_end(), ends the processing of the session, and forgets directory and pictures. */
+/* Calls bus_run_end(), ends the processing of all sessions, and forgets directory and pictures. */
 void bus_run_close(struct bus_run *run);
 
 /* Returns the last thumbnail of a camera. It is owned by run and valid until the main loop runs

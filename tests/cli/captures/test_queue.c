@@ -12,6 +12,7 @@
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/wait.h"
+#include "rig1-bus.h"
 #include "session/session.h"
 
 struct site {
@@ -156,6 +157,16 @@ static void call_daemon(const struct site *site, const char *method) {
     g_assert_no_error(error);
 }
 
+/* Returns whether the daemon processes a session. */
+static gboolean is_processing(const struct site *site) {
+    g_autoptr(GDBusConnection) connection = ok(g_dbus_connection_new_for_address_sync(
+        site->address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
+    g_autoptr(GObject) rig = G_OBJECT(ok(
+        bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_NONE, NULL, BUS_PATH, NULL, ERR)));
+    const char *const *directories = bus_rig1_get_processing(BUS_RIG1(rig));
+    return directories && *directories;
+}
+
 /* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
  * late to come before its last one. */
 static void call_amid(const struct site *site, const char *name, const char *method) {
@@ -203,6 +214,32 @@ TEST(three) {
     g_assert_null(strstr(bus_log, "CRITICAL"));
     QUEUE(site, 0, "remove", "--ended");
     wait_for(site, "empty");
+    site_free(site);
+}
+
+static void assert_product(const char *session) {
+    g_autofree char *product = g_build_filename(session, "products", "eigenmaps.exr", NULL);
+    g_assert_true(g_file_test(product, G_FILE_TEST_EXISTS));
+}
+
+/* “mesorig capture --process” of a daemon ends when the products exist. Sessions of the queue are
+ * processed while the next one is captured. */
+TEST(processed) {
+    struct site *site = site_new(NULL);
+    g_autofree char *first = write_session(site, "first", NULL);
+    g_autofree char *second = write_session(site, "second", NULL);
+    g_autofree char *of_first = directory_of(site, "first");
+    g_autofree char *of_second = directory_of(site, "second");
+    operator_does(site->run, 0, "capture", site->run->rig, site->run->conf, "-o",
+                  site->run->session, "--process", "--address", site->address, NULL);
+    assert_has(site->run->out, "Ctrl-C ends only this program");
+    assert_product(site->run->session);
+    QUEUE(site, 0, "add", first, second, "--into", site->run->directory, "--process");
+    wait_for(site, "done done empty");
+    UNTIL (!is_processing(site))
+        g_usleep(G_USEC_PER_SEC / 10);
+    assert_product(of_first);
+    assert_product(of_second);
     site_free(site);
 }
 
