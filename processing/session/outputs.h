@@ -1,7 +1,7 @@
 /* Stores and reads the output of the lamps during a capture, which the fiducials on the turntable
- * show. Each shot has a value for each camera, relative to the output in the session's calibration.
- * The session's value "lamp_output/SHOT/CAMERA" is "OUTPUT ERROR", where ERROR is the standard
- * error. One thread at a time. */
+ * show. A lamp shot has a value for each camera that measured it, relative to the output in the
+ * session's calibration. The session's value "lamp_output/SHOT/CAMERA" is "OUTPUT ERROR", where
+ * ERROR is the standard error. One thread at a time. */
 #pragma once
 
 #include "session.h"

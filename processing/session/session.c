@@ -1,4 +1,5 @@
-/* Opens and locks a session, and reads and writes its texts, values, events and products. */
+/* Opens and locks a session, reads its texts, reads and writes its values, and adds events and
+ * products. */
 #include "session_private.h"
 
 #include "exr/exr.h"

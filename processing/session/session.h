@@ -1,10 +1,14 @@
-/* The session directory, the only interface between capture, processing and preview.
+/* The session directory, the only interface between capture, processing and viewer.
  *
  *   NAME.session/
  *     session.db         SQLite (WAL): rig and session files, plan, shots, frames, events, products
- *     frames/…exr        linear radiance, half float, one per shot and camera
- *     laser/…exr         the peaks of a laser sweep, one per shot and camera
- *     products/…         results of processing
+ *     frames/…exr        one per shot and camera: the picture of a lamp shot (linear, half float),
+ * or the dark levels of a dark shot (float) laser/…exr         one per shot and camera: the peaks
+ * of a laser sweep (float) frames/…/…exr      single raw frames of a shot and camera, if the
+ * session keeps them laser/…/…exr       the same for a laser sweep products/…         results of
+ * processing
+ *
+ * daemon/capture/intake/intake.h describes the files below frames and laser.
  *
  * The row of a frame is committed after its file is on disk, so that every row has its file. One
  * process writes the plan, shots and frames, and holds an exclusive lock (SESSION_CAPTURE). Any
@@ -165,7 +169,8 @@ const char *session_path(const Session *session);
 const char *session_name(const Session *session);
 char *session_file(const Session *session, const char *relative); /* g_free() */
 
-/* Returns the text "rig.conf", "session.conf" or "calibration.conf" as stored; g_free(). */
+/* Returns the text "rig.conf", "session.conf", "calibration.conf" or "products_calibration.conf"
+ * (made_with.h) as stored. NULL on error. g_free() */
 char *session_text(Session *session, const char *name, GError **error);
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error);
@@ -174,8 +179,8 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
  * it (ISO 8601, UTC); g_free() both. Fails if the database cannot be read or has no such row. */
 gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error);
 
-/* Return arrays of the structs above with free functions set, or NULL on error. Every row is
- * checked; the error is SESSION_ERROR_FORMAT if one is not valid. */
+/* Return arrays of the structs above with free functions set, or NULL on error. Every row except
+ * those of events is checked; the error is SESSION_ERROR_FORMAT if one is not valid. */
 GPtrArray *session_views(Session *session, GError **error);
 GPtrArray *session_lights(Session *session, GError **error);
 GPtrArray *session_lasers(Session *session, GError **error);
@@ -186,11 +191,12 @@ GPtrArray *session_events(Session *session, GError **error);
 /* Returns the relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
-/* Commits all frames of a shot and the state of the shot in one transaction, after the files are
- * synced. The frames replace the frames of an earlier take. The session must be open as
+/* Commits all frames of a shot and the state of the shot in one transaction. To be called after the
+ * files are synced. The frames replace the frames of an earlier take. The session must be open as
  * SESSION_CAPTURE. The error is SESSION_ERROR_IO if a file is missing, cannot be read or has
  * another size than recorded, or if another value of a frame is not valid. It is SESSION_ERROR_FULL
- * if the disk is full, and SESSION_ERROR_FORMAT if the plan has no such shot. */
+ * if the disk is full, and SESSION_ERROR_FORMAT if the plan has no such shot, or if state is
+ * SHOT_PLANNED and there are frames. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);
@@ -254,7 +260,7 @@ void session_damage_free(struct session_damage *damage); /* NULL is ignored */
 
 enum session_files { SESSION_FRAMES, SESSION_PRODUCTS_MADE };
 
-/* Hashes all frames (including sweeps), or the products whose names begin with prefix, and compares
+/* Hashes the frames (including sweeps) or the products whose paths begin with prefix, and compares
  * the checksums with the database. Uses one thread per processor. A file that this process has
  * already hashed is not hashed again while its size, times and inode are unchanged. Returns an
  * array of struct session_damage, or NULL on error. *ret_examined (may be NULL) is the number of
@@ -267,7 +273,7 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
 struct session_damage *session_examine(const Session *session, const char *relative,
                                        const char *sha256);
 
-/* Checks the products whose names begin with prefix. To be called before products are read. If a
+/* Checks the products whose paths begin with prefix. To be called before products are read. If a
  * product is missing, cannot be read, or differs from its row, the error is SESSION_ERROR_DAMAGED
  * with the command that makes the file again. Files without a row pass. If another program is
  * making products, the function waits for the row of a file that was just written. work may be
@@ -275,7 +281,8 @@ struct session_damage *session_examine(const Session *session, const char *relat
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error);
 
-/* Checks a file by its path as session_check_products() does. Files outside of sessions pass. */
+/* Checks a file by its path as session_check_products() does. Files outside of a session's products
+ * pass. */
 gboolean session_check_product(const char *path, GError **error);
 
 /* Returns the paths of the BTF, one file for each view that has one, in the order of

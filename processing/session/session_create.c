@@ -86,8 +86,9 @@ static gboolean insert_directions(Session *session, const struct session_directi
     return TRUE;
 }
 
-/* Sets *ret to the number of a set of cameras for the column cameras. sets (of struct camera_set)
- * has the sets that are stored as values; a set that is not among them is added and stored. */
+/* Sets *ret to what the column cameras holds for a set of cameras (session_private.h): a bit mask,
+ * or −n for the nth set that is stored as a value. sets (of struct camera_set) has the sets that
+ * are stored so far. A set that needs a value and is not among them is added and stored. */
 static gboolean insert_cameras(Session *session, struct camera_set cameras, GArray *sets,
                                gint64 *ret, GError **error) {
     if (camera_set_next(cameras, SESSION_MASK_CAMERAS - 1) < 0) {

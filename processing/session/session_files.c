@@ -1,5 +1,5 @@
-/* Verifies files against the checksums in the database. Hashes are kept for the life of the
- * process, because several commands verify the same products. */
+/* Lists the files of a session and compares them with the checksums in the database. Hashes are
+ * kept for the life of the process, because several commands verify the same products. */
 #include "session_private.h"
 
 #include "base/data_error.h"

@@ -25,8 +25,8 @@ gboolean session_fail(GError **error, enum session_error code, const char *forma
 /* Sets the error for an SQLite result code and adds advice for the user. Always returns FALSE. */
 gboolean session_db_fail(const Session *session, int rc, GError **error);
 
-/* Runs a statement without result rows. types has one letter per argument: i for int, l for gint64,
- * d for double, s for const char * (NULL is stored as NULL). */
+/* Runs a statement and drops its result rows. types has one letter per argument: i for int, l for
+ * gint64, d for double, s for const char * (NULL is stored as NULL). */
 gboolean session_db_run(Session *session, GError **error, const char *sql, const char *types, ...);
 
 /* Prepares a query, with arguments as for session_db_run(). Returns NULL on error. */

@@ -1,5 +1,5 @@
-/* Reads the plan and the frames, with the same checks as when a session is created, because the
- * database may have been edited. */
+/* Reads the plan, the frames and the events. The plan is checked as when a session is created,
+ * because the database may have been edited. */
 #include "session_private.h"
 
 #include <math.h>
@@ -112,7 +112,7 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
 }
 
 /* Returns the integer in a column. If the integer is out of the range of int, returns G_MININT,
- * which no check accepts. */
+ * which no check of a plan accepts. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
@@ -254,7 +254,9 @@ static void shot_free(gpointer data) {
     g_free(shot);
 }
 
-/* Reads a set of cameras: its number, and the value that a negative number refers to, or NULL. */
+/* Reads a set of cameras. number is what the column cameras holds (session_private.h), and value is
+ * the text that a negative number refers to, or NULL if there is none. Returns FALSE if the text is
+ * needed and missing or not valid. */
 static gboolean read_cameras(gint64 number, const char *value, struct camera_set *ret) {
     if (number < 0)
         return value && *value && camera_set_from_text(value, ret);
