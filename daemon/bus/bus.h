@@ -11,7 +11,8 @@
 
 typedef struct Bus Bus;
 
-/* Called when a value that the bus shows has changed, at most every 100 ms. */
+/* Called when a value that the bus shows has changed; during a capture about every 100 ms at
+ * most. */
 typedef void (*BusFunc)(Bus *bus, gpointer data);
 
 /* Makes a bus. address is the address by which clients reach it: "system", "session" or a D-Bus

@@ -20,8 +20,9 @@ const char *bus_client_address(void);
 gboolean bus_client_is_bus(const char *value);
 #define BUS_CLIENT_NO_BUS "there is no --bus=%s; choose from: system, session"
 
-/* Returns the folder that contains the folders of daemons: XDG_RUNTIME_DIR, or the folder for
- * temporary files if the path of XDG_RUNTIME_DIR is too long for a socket or not writable. */
+/* Returns the folder that contains the folders of daemons: that of g_get_user_runtime_dir()
+ * (XDG_RUNTIME_DIR, or the user's cache folder if it is not set), or the folder for temporary files
+ * if the former has a path that is too long for a socket, or is not writable. */
 const char *bus_client_folder(void);
 
 /* bus_client_make_folder() makes a folder in bus_client_folder() that only this user may read, and

@@ -21,7 +21,8 @@ enum bus_error {
     BUS_ERROR_LIMIT,
     BUS_ERROR_CANCELLED, /* the operation of this call was ended; the message says by what */
     BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */
-    BUS_ERROR_DENIED,    /* polkit or the rights of a folder do not allow the caller to do this */
+    BUS_ERROR_DENIED,    /* the caller has no right to do this, or polkit has not answered whether
+                          * it has */
 };
 
 /* Registers the names of all error domains that cross the bus. A GError is then transferred with a

@@ -256,8 +256,9 @@ static void hand_listen(struct hand *hand, gboolean listen) {
         axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
 }
 
-/* Switches off or stops the device of a client. The use of a camera ends at once. A light stays
- * in use until it has confirmed that it is off, and an axis until it stands still. */
+/* Switches off or stops the device of a client. A light stays in use until it has confirmed that it
+ * is off, and an axis until it stands still. The use ends at once for a camera, and for a device
+ * that refuses the command. */
 static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);

@@ -2,12 +2,12 @@
  * Devices that clients use by hand while nothing is captured, each by one call at a time: cameras,
  * lamps, lasers and axes.
  *
- * A client switches a lamp or laser on for a limited time, its lease. The daemon measures the
- * lease in real time, and the client can renew it. A light that a client has switched on goes off
- * when its lease is over. Every light of a client goes off, and every axis that the client has set
- * in motion stops, when the client disconnects, when an interlock opens, before a capture begins,
- * at SafeState, and before the rig is closed. Lasers and axes are refused while an interlock is
- * open. Owned by the Bus. All functions belong to the main loop's thread.
+ * A client switches a lamp or laser on for a limited time, its lease. The daemon measures the lease
+ * in real time, and the client can renew it. A light that a client has switched on goes off when
+ * its lease is over. Every light of a client goes off, and every axis that the client has set in
+ * motion stops, when the client disconnects, when an interlock opens, before a capture begins, at
+ * SafeState, and before the rig is closed. While an interlock is open, no laser is switched on and
+ * no axis is moved. Owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -24,8 +24,9 @@ void bus_hands_init(struct bus_hands *hands, struct bus_rig *rig, const struct b
 void bus_hands_clear(struct bus_hands *hands);
 
 /* Each function carries out the method of the same name. It answers the call when the device has
- * done what was requested. For a lamp or laser this is when the light is stable. If the request
- * fails, the function answers with an error immediately. */
+ * done what was requested. For a lamp or laser this is when the light is stable, or when it has
+ * confirmed that it is off. If the request is refused, or if the device fails later, the answer is
+ * an error. */
 void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
 void bus_hands_set_lamp(struct bus_hands *hands, GDBusMethodInvocation *invocation,
@@ -55,8 +56,9 @@ gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpo
 void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
 /* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
- * commands lights off and stops axes. A light remains in use until it has confirmed that it is
- * off, and an axis until it stands still. */
+ * commands lights off and stops axes. A light remains in use until it has confirmed that it is off,
+ * and an axis until it stands still. The use ends at once for a camera, and for a device that
+ * refuses the command. */
 void bus_hands_stop(struct bus_hands *hands, const char *why);
 
 /* Does the same as bus_hands_stop(), but no device remains in use. From now on the caller may

@@ -290,7 +290,8 @@ gboolean bus_latch_allows(struct bus_latch *latch, GDBusMethodInvocation *invoca
     g_mutex_unlock(&latch->lock);
     if (!is_last)
         g_set_error(error, BUS_ERROR, BUS_ERROR_CANCELLED,
-                    "SafeState was called after this %s: call it again",
+                    "%s was not carried out, because SafeState was called after it: call %s again",
+                    g_dbus_method_invocation_get_method_name(invocation),
                     g_dbus_method_invocation_get_method_name(invocation));
     return is_last;
 }

@@ -26,7 +26,8 @@ struct bus_latch *bus_latch_ref(struct bus_latch *latch);
 void bus_latch_unref(gpointer latch);
 
 /* If the message is a SafeState, takes ownership of it and returns TRUE. Otherwise marks the
- * message with the time of its arrival and returns FALSE. Called in GDBus's thread. */
+ * message with the number of SafeState calls that have arrived before it, and returns FALSE. Called
+ * in GDBus's thread. */
 gboolean bus_latch_take(struct bus_latch *latch, GDBusConnection *connection,
                         GDBusMessage *message);
 

@@ -14,8 +14,8 @@ struct bus_options {
     char *exposures;
 };
 
-/* Reads options of type a{sv}. ret is zeroed before it is filled. The caller clears it in any case.
- * The error is BUS_ERROR_UNKNOWN if an option does not exist or has the wrong type. */
+/* Reads options of type a{sv}. The caller zeroes ret before the call, and clears it afterwards in
+ * any case. The error is BUS_ERROR_UNKNOWN if an option does not exist or has the wrong type. */
 gboolean bus_options_read(GVariant *options, struct bus_options *ret, GError **error);
 void bus_options_clear(struct bus_options *options);
 typedef struct bus_options BusOptions;

@@ -1,6 +1,6 @@
 /* The queue of calls that wait for the main loop. It passes SafeState to the latch, and refuses a
- * call if its client has too many other calls waiting. Owned by the Bus. All functions belong to
- * the main loop's thread. */
+ * call if too many calls of its client, or of all clients, wait. Owned by the Bus. All functions
+ * belong to the main loop's thread. */
 #pragma once
 
 #include "bus_latch.h"

@@ -230,9 +230,9 @@ static void wait_for_clients(BusServer *server) {
     g_source_unref(source);
 }
 
-/* Removes the socket at path if no process accepts connections there. Returns FALSE with an
- * error if the path is too long, belongs to another kind of file, or belongs to a socket at
- * which a process listens. */
+/* Removes the socket at path if no process accepts connections there. Returns FALSE with an error
+ * if the path is too long, belongs to another kind of file, or belongs to a socket at which a
+ * process listens or may listen. Returns TRUE if nothing is at path. */
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;

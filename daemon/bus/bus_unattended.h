@@ -52,7 +52,7 @@ void bus_unattended_begun(struct bus_unattended *at);
 void bus_unattended_changed(struct bus_unattended *at, const struct capture_status *status);
 
 /* Ends test shots, and puts a session that has not begun back into the queue. Does nothing if there
- * is no queue. If why is not NULL, the queue is paused and shows this reason. If why is NULL, the
- * rig is being closed: the queue is not paused, and the session that is being captured goes back
- * into the queue to be resumed. */
+ * is no queue. If why is not NULL and a session has not ended, the queue is paused and shows this
+ * reason. If why is NULL, the rig is being closed: the queue is not paused, and the session that is
+ * being captured goes back into the queue to be resumed. */
 void bus_unattended_stop(struct bus_unattended *at, const char *why);
