@@ -24,7 +24,7 @@ enum capture_state {
     CAPTURE_HOMING,
     CAPTURE_RUNNING,
     CAPTURE_PAUSING, /* the shot under way is being finished */
-    CAPTURE_PAUSED,  /* paused by the user, or by the fault that reason names; the rig is safe */
+    CAPTURE_PAUSED,  /* reason says why; the rig is safe unless reason says otherwise */
     CAPTURE_DONE,
     CAPTURE_ABORTED,
 };
@@ -53,7 +53,7 @@ struct capture_status {
     const struct session_shot *shot;
     /* number of shots of the whole session, and of those that are done, including earlier runs */
     int shots, shots_done;
-    /* number of camera frames accepted and refused in this run */
+    /* number of camera frames accepted, and of frames taken again, in this run */
     gint64 frames, retakes;
     /* time for which the session was captured, without pauses, and predicted remaining time, on the
      * rig's clock */
