@@ -92,8 +92,11 @@ enum plan_error {
     PLAN_ERROR_NO_CAMERA,
     PLAN_ERROR_NO_LAMP,
     PLAN_ERROR_NO_LASER,
-    PLAN_ERROR_LIMITS,  /* an axis cannot reach a position, or an exposure is out of range */
-    PLAN_ERROR_BLOCKED, /* the arc is in a camera's view, and on_blocked is refuse */
+    PLAN_ERROR_LIMITS,  /* an axis cannot reach a position, an exposure is out of range, or the rig
+                         * or the rest of the session does not allow a mode that the session asks
+                         * for */
+    PLAN_ERROR_BLOCKED, /* the arc or a light is in a camera's way, or a camera in a light's, and
+                         * on_blocked is refuse */
     PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
 };
 
@@ -141,9 +144,9 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
 /* Sets ret_first[i] to whether shot i of n belongs to the first round of [lasers] stop = covered.
  * These are all shots except the sweeps that may add little according to the rig's geometry. The
- * sweeps of each turntable angle are chosen one after the other. Each time, the sweep is chosen
- * whose sum of coverage_model_adds() over its cameras is the largest. The order of the shots does
- * not matter. Without STOP_COVERED, all shots belong to the first round. */
+ * sweeps of each turntable angle are chosen one after the other, up to [lasers] first. Each time,
+ * the sweep is chosen whose sum of coverage_model_adds() over its cameras is the largest. The order
+ * of the shots does not matter. Without STOP_COVERED, all shots belong to the first round. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 

@@ -107,7 +107,7 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, struct
 guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least);
 
 /* Describes the effect of skipped shots on the BTF: the number of pictures that will be predicted,
- * or the number of views without a BTF. Returns NULL if no shots are skipped. g_free() */
+ * or the number of views without a BTF. Returns NULL if no shot of a lamp is skipped. g_free() */
 char *plan_missing(const struct session_plan *plan);
 
 /* Returns the number of steps of a sweep of span_deg: as many as a line of the width [lasers]
@@ -171,8 +171,8 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 
 /* Orders the shots. On entry shots[i].pose is an index into poses. On return it is the number of
  * the visit of the pose. Returns the number of visits. SHOT_DARK come first. Skipped shots come
- * last and have visits that contain no other shots. Sweeps of a laser unit that is mounted by hand
- * come in blocks, one for each of its places.
+ * last and have numbers of further visits; the first of them share the last visit if they have its
+ * pose. Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its places.
  *
  * ORDER_QUICKEST uses the quickest order that is found. ORDER_VIEWS uses the order of a program
  * that does not plan: nested loops over τ, the arm, α, the probe, the lamps and the lasers.
