@@ -4,8 +4,8 @@
  * the socket whether it watches a daemon or makes the rig safe. A guardian that makes the rig safe
  * ends when that process asks for its place.
  *
- * Only processes of the same user and of root are trusted. If another user holds the socket, the
- * guardian works without a place.
+ * Only processes of the same user and of root are trusted; a guardian of root trusts every process.
+ * If a process that is not trusted holds the socket, the guardian works without a place.
  */
 #pragma once
 
