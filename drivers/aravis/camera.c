@@ -106,9 +106,9 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, camera_on_exposed, camera);
 }
 
-/* Refuses a frame whose exposure went on for more than OVERTIME_US after the driver had reported
- * its end, because lamps and axes may have changed by then. Passes a frame from the future to the
- * class, which refuses it. */
+/* Reports a fault instead of a frame whose exposure went on for more than OVERTIME_US after the
+ * driver had reported its end, because lamps and axes may have changed by then. Passes a frame from
+ * the future to the class, which refuses it. */
 static void camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;

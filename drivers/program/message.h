@@ -53,7 +53,8 @@ gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean 
 gboolean message_integers(JsonObject *values, const char *name, gint64 min, gint64 max,
                           gint64 **ret, int *ret_n, GError **error);
 
-/* Returns the text with this name, or "" if there is none. Free it with g_free(). */
+/* Returns the text with this name as one line of at most 300 bytes, the rest being left out, or ""
+ * if there is none. Free it with g_free(). */
 char *message_text(JsonObject *values, const char *name);
 
 /* Returns whether the value with this name is an array that contains a text. */

@@ -6,8 +6,9 @@
  * axis whose request waits is told so. The board knows only the motion under way, so a program that
  * dies leaves at most one motion behind.
  *
- * A stop brakes the motion under way, whichever axis it belongs to. The stop of an axis that stands
- * while another axis moves is confirmed by the positions that the board reports.
+ * A stop brakes the motion of its axis. It also ends a homing under way, whichever axis has
+ * requested it. It does not end a move of another axis: the stop is then confirmed by the positions
+ * that the board reports.
  *
  * Opening the port resets most boards. The board counts as connected when it has answered, which
  * takes boot_ms at most. A board that was lost is searched for again by the next request to home or

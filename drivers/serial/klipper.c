@@ -411,7 +411,8 @@ static void tick_stop(GcodeBoard *board) {
 
 static void tick_greeting(GcodeBoard *board, gboolean late) {
     const double boot_ms = board->link.boot_ms;
-    /* A program that has ended may have left a motion or a homing. */
+    /* A program that has ended may have left a motion or a homing that still runs. Klipper does not
+     * answer then, so M112 stops it. */
     const gboolean silent = board->stage == SYNCING && board->n_noise == 0 &&
                             board->heard_us <= board->stage_us &&
                             gcode_board_is_past(board, board->stage_us, MIN(boot_ms / 2, LEFT_MS));
