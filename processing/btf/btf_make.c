@@ -69,8 +69,8 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
  *   L   radiance (rgb: n × 3)
  *   E   irradiance of the texel on a plane that faces the lamp
  *   o   light of the lamp in this colour and shot, relative to rig_lamp_irradiance()
- * The cosine n·l stays in ρ. variance (n × 3; may be NULL) is the variance of rgb on input and
- * of ρ on output. */
+ * The cosine n·l stays in ρ. Where E is 0, ρ is 0. variance (n × 3; may be NULL) is the variance of
+ * rgb on input and of ρ on output. */
 static void to_reflectance(const struct btf_view *view, const struct btf_light *light,
                            const float *rgb, struct exr_part *part, float *variance) {
     const gsize n = btf_texels(view);

@@ -20,7 +20,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
 /* Reads a view from its file: sets its direction, adds its flags to the counts of btf, and copies
  * its values with holes filled. first points to the place for the values of the first texel; values
  * of consecutive texels are stride floats apart. Fails if the view differs from the first one in
- * lights or texels, or has infinite values. */
+ * lights or texels, lacks a colour or an angle, or has infinite values. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error);
 

@@ -219,7 +219,7 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
 
 /* Returns the triangle that contains a point, and its weights as ret. If no triangle contains the
  * point, returns the triangle whose smallest weight is largest. Returns −1 if there are no
- * triangles. */
+ * triangles, or if all are turned over. */
 static int find(const DirectionMesh *mesh, const double *points, const double at[2],
                 const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;
