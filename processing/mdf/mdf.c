@@ -19,8 +19,9 @@
  * peaks of the faintest lines are only known to a tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In units of the larger of the two tolerances above: maximum distance of a point above the
- * reference plane, and below the maximum depth of the structure (intersect()). */
+/* In units of the larger of TEXEL_SHARE of a texel and FRAME_SHARE of the sheet's motion in a
+ * frame: maximum distance of a point above the reference plane, and below the maximum depth of the
+ * structure (intersect()). */
 #define ABOVE 5
 #define BELOW 10
 /* minimum share, by weight, of the live pixels around a texel that have a peak */
@@ -81,8 +82,8 @@ struct MdfView {
     float *pixel_mm[2];
     guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
+    gboolean plain;                    /* see mdf_view_set_plain() */
     /* of each sweep: mdf_weight(), distance within which candidates agree, and depth of a frame */
-    gboolean plain; /* see mdf_view_set_plain() */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
     double line_frames[MDF_MAX_SWEEPS]; /* median standard deviation of the line in frames; 0 if
@@ -224,9 +225,9 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
 
 /* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time. A
  * point above the plane by less than ABOVE has the distance 0. Returns OVER if the point is above
- * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the
- * intersection is grazing, if the point is higher still, or if it is below the structure by more
- * than BELOW. */
+ * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the ray
+ * does not go downwards, if the intersection is grazing, if the point is higher still, or if it is
+ * below the structure by more than BELOW. */
 static float intersect(const MdfView *view, const struct laser_sheets *sheets, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -522,8 +523,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
 
 /* Collects the candidates of a texel from all laser positions, and returns their number. The weight
  * of a candidate is mdf_weight · b² / (b² + FAINT²), b being the height of its pulse over that of
- * the brightest candidate of the texel. Much fainter lines graze the surface, or are
- * reflections. */
+ * the brightest candidate of the texel. Much fainter lines graze the surface, or are reflections.
+ * For the plain mean, only the brightest pulse of each sweep is collected, with the weight
+ * mdf_weight. */
 static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
@@ -581,10 +583,10 @@ static double roughness_mm2(const MdfView *view, const float *distance, int texe
     return pairs[0] > 0 ? squares / pairs[0] : -1;
 }
 
-/* Sets the standard errors of texels that only one sweep saw. The squared error is (r² + median
- * of r² over the view) / 1.5. r² is the texel's roughness; the median is added because r² may be
- * small by chance. Without neighbours, the error is agreement_mm, the largest step between
- * texels of one surface. */
+/* Sets the standard errors of texels whose distance comes from one sweep. The squared error is (r²
+ * + median of r² over the view) / 1.5. r² is the texel's roughness; the median is added because r²
+ * may be small by chance. Without a known pair of opposite neighbours, the error is agreement_mm,
+ * the largest step between texels of one surface. */
 static void find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
                              float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);

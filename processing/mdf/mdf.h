@@ -43,9 +43,8 @@ void mdf_view_set_plain(MdfView *view);
  *                  sweeps that saw it contradict each other, and none of them continues the
  *                  surface around
  *   ret_n          number of laser positions whose distances were averaged
- *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If only one
- *                  position saw the texel, the error follows from the roughness of the surface
- *                  around */
+ *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If ret_n
+ *                  is 1, the error follows from the roughness of the surface around */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* How the laser's light behaves on the sample. Speckle makes the times of the sweeps scatter.

@@ -140,8 +140,9 @@ static double ring_error_mm(const struct mdf_table *t, double theta_deg, double 
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* Returns the value of raised, 0 … MAX_RAISED, at which ring_error_mm() is 0, by bisection. Traced
- * depths decrease when the relief rises. */
+/* Returns the value of raised, 0 … MAX_RAISED, at which ring_error_mm() is 0, by bisection. Returns
+ * 0 if the error is not above 0 there, and about MAX_RAISED if the error is above 0 everywhere.
+ * Traced depths decrease when the relief rises. */
 static double ring_raised(const struct mdf_table *t, double theta_deg) {
     double low = 0.0, high = MAX_RAISED;
     if (ring_error_mm(t, theta_deg, low) <= 0.0)

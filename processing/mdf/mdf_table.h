@@ -10,7 +10,7 @@ GQuark mdf_table_error_quark(void);
 enum mdf_table_error {
     MDF_TABLE_ERROR_FORMAT, /* the file has no views or too many texels, or a view lacks distances,
                                differs from the first view in size, has no texel that a laser saw,
-                               or has a distance or scale out of range */
+                               or has a distance, a scale or a texel size out of range */
 };
 
 #define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum number of texels of all views together */

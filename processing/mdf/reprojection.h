@@ -67,9 +67,9 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
 
 /* Reads the MDF of a session (products/mdf.exr). Its views are put into the order of n directions,
  * which are those of a BTF. A direction without an MDF has no distances. The error is
- * DATA_ERROR_INVALID if the file has no views, if a view lacks its distances or the position of its
- * camera, has values that are not finite, or differs from the first view in size, or for the causes
- * of reprojection_new(). */
+ * DATA_ERROR_INVALID if the file has no views, if the first view lacks texel_mm or reference_mm, if
+ * a view lacks its distances or the position of its camera, has values that are not finite, or
+ * differs from the first view in size, or for the causes of reprojection_new(). */
 Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
                                 int n, gboolean tiled, GError **error);
 void reprojection_free(Reprojection *reprojection); /* NULL is ignored */
@@ -101,7 +101,8 @@ struct reprojection_hit {
 void reprojection_trace(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
                         const struct reprojection_weights *weights, struct reprojection_hit *ret);
 
-/* A value is Σ weight · B(texel, view, l). The weights of all taps sum to 1. */
+/* A value is Σ weight · B(texel, view, l). The weights of all taps sum to 1. There are no taps for
+ * a ray that no view sees and that meets the plane outside of texels that are not tiled. */
 struct reprojection_tap {
     int view, texel;
     float weight;
