@@ -121,9 +121,9 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret);
  * Student's t divided by that of the normal distribution. g is 1 if f is 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
-/* Projects a board point to the picture. If straight is TRUE, the point is projected as by a
- * lens without distortion. Returns FALSE if the point is behind the camera, or beyond the range
- * of a rational lens. */
+/* Projects a board point to the picture. If straight is TRUE, the point is projected as by a lens
+ * without distortion. Returns FALSE if the point is behind the camera (for a fisheye, straight
+ * behind it), or beyond the range of a rational lens. */
 gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
                         const double board_mm[2], double ret_px[2]);
 

@@ -23,7 +23,8 @@ struct bundle_parameters {
     double commanded;     /* commanded angle of the turntable, for the wobble */
 };
 /* bundle_project.c: projects a board point to the picture. ret gets the derivatives, and may be
- * NULL. Returns FALSE if the point is behind the camera, or beyond the range of a rational lens. */
+ * NULL. Returns FALSE if the point is behind the camera (for a fisheye, straight behind it), or
+ * beyond the range of a rational lens. */
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],
                       double ret_px[2], struct bundle_slopes *ret);

@@ -110,7 +110,7 @@ gboolean cameras_refine(struct cameras_work *work, GError **error);
 /* Sets each camera's noise robustly, from all observations. */
 void cameras_estimate_noise(struct bundle *bundle);
 /* Returns the length of the whitened residual, in standard deviations of the corner. ret_d is the
- * residual in pixels. Returns G_MAXDOUBLE if the point is behind the camera. */
+ * residual in pixels. Returns G_MAXDOUBLE if bundle_project() refuses the point. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
@@ -130,8 +130,8 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
 /* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
-/* cameras_check.c: returns FALSE with an error if a camera has too few pictures, if no board is
- * tilted, or if no board lies flat. */
+/* cameras_check.c: returns FALSE with an error if a camera has too few pictures and is not
+ * predicted (cameras_is_predicted()), if no board is tilted, or if no board lies flat. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
 /* Returns whether a stop of the camera arm has no pictures and gets its pose from the arm's axis,
  * which two other stops of the camera determine. */

@@ -21,13 +21,14 @@ struct ball_camera {
 };
 
 /* Computes the unit direction *ret of the light whose highlight is at a point of the ball and has
- * the given second moments. This is the mean direction of the highlight's light. It is further
- * outwards than the direction at the highlight's centroid. *ret_from is the highlight's place on
- * the ball, in radii of the ball. With a focal length, this place is relative to the camera,
- * otherwise to the middle of the ball. *ret_shift_rad is the angle between the mean direction and
- * the direction at the centroid. If the highlight is mainly blur, the direction at the centroid is
- * more accurate. Returns FALSE if the point is outside the ball, or if the ball's outline is too
- * large for the focal length. */
+ * the given second moments. This is the mean direction of the highlight's light, or, if the
+ * highlight reaches beyond the ball, the direction at the highlight's centroid. The mean direction
+ * is further outwards than the direction at the centroid. *ret_from is the highlight's place on the
+ * ball, in radii of the ball. With a focal length, this place is relative to the camera, otherwise
+ * to the middle of the ball. *ret_shift_rad is the angle between the mean direction and the
+ * direction at the centroid. If the highlight is mainly blur, the direction at the centroid is more
+ * accurate. Returns FALSE if the point is outside the ball, or if the ball's outline is too large
+ * for the focal length. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,

@@ -51,7 +51,8 @@ double shadows_score(ShadowView *const *views, int n, const struct lamp_target *
 
 /* Appends a struct lamp_sight for each shadow that was found. For each shadow that should be
  * visible but was not found, appends a text with the picture and the reason to rejected. Also
- * measures the posts themselves, once in the view (lamp_sight.lamp is then −1). If near is TRUE,
- * posts and lamps have been adjusted before, so that the shadows are close to their prediction. */
+ * measures the posts themselves, once in the view, if a lamp is high above the plate
+ * (lamp_sight.lamp is then −1). If near is TRUE, posts and lamps have been adjusted before, so that
+ * the shadows are close to their prediction. */
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected);

@@ -38,7 +38,8 @@ gboolean laser_board_point(const struct rig_camera *camera, const struct laser_p
  * the laser, or NULL. If dark is given, the strength is the largest of the three colours'
  * differences from dark, and the reflectance is the mean colour of dark. Otherwise colour is the
  * laser's colour, 0 … 2. The mean of the other two colours is then the reflectance, and is
- * subtracted from the laser's colour. colour −1 stands for grey pictures, whose reflectance is NAN.
+ * subtracted from the laser's colour. colour −1 stands for grey pictures: the strength is the mean
+ * of R, G and B, and the reflectance is NAN.
  */
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);

@@ -24,9 +24,9 @@ struct picture_job {
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
 /* Runs the program and returns what it has written. Returns NULL with the error of the program or
- * of told, or with PICTURE_FILE_ERROR_IO if the program cannot be started, has crashed, or has
- * ended without a result. library is the name of the library that reads the file, for messages.
- * told may be NULL. */
+ * of told, with another error if the program cannot be started, or with PICTURE_FILE_ERROR_IO if it
+ * has crashed or has ended without a result. library is the name of the library that reads the
+ * file, for messages. told may be NULL. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 

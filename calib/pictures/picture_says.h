@@ -59,10 +59,11 @@ double picture_says_focal_px(const struct picture_says *says, int width, int hei
  * count as missing. */
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
-/* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted is used unless it
- * is PICTURE_TONES_UNSAID. Otherwise the curve of the file is used. If the file gives no curve, 8
- * bits are taken as sRGB, and other numbers as linear. The result may point into said. Returns NULL
- * with PICTURE_FILE_ERROR_FAILED if the file gives a curve that is not supported. */
+/* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted
+ * (PICTURE_TONES_LINEAR or PICTURE_TONES_SRGB) is used unless it is PICTURE_TONES_UNSAID. Otherwise
+ * the curve of the file is used. If the file gives no curve, 8 bits are taken as sRGB, and other
+ * numbers as linear. The result may point into said. Returns NULL with PICTURE_FILE_ERROR_FAILED if
+ * the file gives a curve that is not supported. */
 const struct picture_tone *picture_tone_choose(const struct picture_tone *said, int bits,
                                                enum picture_tones wanted, const char *path,
                                                GError **error);

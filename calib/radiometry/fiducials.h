@@ -15,7 +15,8 @@ struct fiducial_scene {
     const struct rig *rig;
     int camera, lamp;
     double turntable_rad, arc_rad;
-    const struct radiometry_camera *radiometry;    /* of the camera; NULL if it is not known */
+    /* of the camera; fiducials_white() also accepts NULL */
+    const struct radiometry_camera *radiometry;
     const struct radiometry_lamp *lamp_radiometry; /* of the lamp; NULL if it is not known */
 };
 

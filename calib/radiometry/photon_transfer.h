@@ -44,9 +44,9 @@ enum transfer_error {
 };
 
 /* Computes the result from dark pairs at two or more exposures and lit pairs at three or more
- * exposures. The brightest tile that is not saturated must reach 15 % of full scale. Saturated
- * tiles are left out. Returns FALSE with an error if the pictures do not suffice, or if the two
- * pictures of a pair differ in brightness, for example because a lamp was warming up. */
+ * exposures. Some tile must be lit to between 15 % and 70 % of full scale. Saturated tiles are left
+ * out. Returns FALSE with an error if the pictures do not suffice, or if the two pictures of a pair
+ * differ in brightness, for example because a lamp was warming up. */
 gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfer_pair *dark,
                       int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
                       GError **error);
