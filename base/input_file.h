@@ -17,7 +17,8 @@ G_BEGIN_DECLS
 GQuark input_file_error_quark(void);
 enum input_file_error {
     INPUT_FILE_ERROR_KIND,      /* not a regular file */
-    INPUT_FILE_ERROR_TOO_LARGE, /* the file is larger than the limit, or has grown beyond it */
+    INPUT_FILE_ERROR_TOO_LARGE, /* the file is larger than the limit, or its picture has too many
+                                   pixels */
     INPUT_FILE_ERROR_TEXT,      /* not text */
     INPUT_FILE_ERROR_CUT,       /* the file has become shorter while it was read */
 };

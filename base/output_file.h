@@ -9,7 +9,7 @@
  *   program says so (output_file_note()).
  * - A character device or a pipe is written to. A folder, a socket and a disk (block device) are
  *   refused. None of them is ever replaced.
- * - A symbolic link is followed and kept.
+ * - A symbolic link is followed and kept. A link to a file that does not exist is refused.
  *
  * A program calls output_file_new() before its long work, so that the user learns early that a
  * name is refused. It calls output_file_end() when the file is complete. Until then the file is in
