@@ -46,7 +46,8 @@ static char *clock_text(gint64 at_s) {
 
 /* Estimates when a session begins and ends. For a session that has ended, returns the actual times.
  * *at_s is the time when the previous session ends, and is set to the time when this session ends.
- * *at_s, *ret_start_s and *ret_end_s are 0 if the time is not known, because the queue is paused.
+ * *at_s, *ret_start_s and *ret_end_s are 0 if the time is not known, because the queue is paused; a
+ * session that runs always has its start.
  */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {

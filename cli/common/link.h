@@ -48,8 +48,8 @@ gboolean link_is_private(const Link *link);
 gboolean link_is_lost(const Link *link);
 
 /* Adds the text of a file to the options for a daemon on a bus. Such a daemon may run as another
- * user and does not read files for its callers. Adds nothing for a private daemon, which reads the
- * file itself. */
+ * user and does not read files for its callers. Adds nothing for a daemon that is not on a bus,
+ * which reads the file itself. */
 gboolean link_add_text(Link *link, GVariantDict *options, const char *key, const char *path,
                        GError **error);
 

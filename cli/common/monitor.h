@@ -16,8 +16,9 @@ enum monitor_end {
 
 typedef struct Monitor Monitor;
 
-/* If control is TRUE, Ctrl-C pauses the capture; otherwise Ctrl-C only ends the watching. Borrows
- * link. To be created before a capture is started, so that no event is missed. */
+/* If control is TRUE, the first Ctrl-C pauses the capture after the shot under way, and the second
+ * aborts it; otherwise Ctrl-C only ends the watching. Borrows link. To be created before a capture
+ * is started, so that no event is missed. */
 Monitor *monitor_new(Link *link, gboolean control);
 void monitor_free(Monitor *monitor);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
@@ -37,9 +38,9 @@ enum monitor_answer {
 /* Sets who answers when the rig asks for a manual step. The default is ANSWER_ELSEWHERE. */
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
 
-/* Runs the main loop until the capture ends, or is paused by a fault or by Ctrl-C. If patient is
- * TRUE, a fault does not end the loop, because somebody may repair the rig and continue the
- * capture. */
+/* Runs the main loop until the capture ends, is paused by a fault or by Ctrl-C, is left running by
+ * Ctrl-C, or cannot be watched any more because the daemon is lost. If patient is TRUE, a fault
+ * does not end the loop, because somebody may repair the rig and continue the capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 
 /* Runs the main loop until the daemon no longer processes the session in directory. Ctrl-C ends the

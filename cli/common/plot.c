@@ -46,8 +46,8 @@ void plot_ink(cairo_t *cr) {
     cairo_set_source_rgb(cr, 0.13, 0.14, 0.16);
 }
 
-/* The colours of Okabe and Ito, without yellow, which is not visible on white. Darker colours were
- * added. */
+/* The colours of Okabe and Ito, without yellow, which is not visible on white. Black, grey and
+ * other colours follow them. */
 void plot_colour(cairo_t *cr, int i) {
     static const double colours[][3] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
                                         {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},

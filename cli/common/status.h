@@ -13,7 +13,9 @@ void status_say_progress(Record *to, BusRig1 *rig);
 /* Prints a line for each sentence, and indents those after the first. */
 void status_say_sentences(Record *to, const char *key, const char *text);
 
-/* Prints a table with one word for the health of each device, followed by the text of each fault. A
- * fault is printed once, and not if reason contains it. devices is "a(ssss)", the property Devices.
- * "ok" is the last answer of a device, which may be older than the fault of another device. */
+/* Prints a table with the health of each device in a few words, followed by the texts of all faults
+ * and of all devices that are not safe. A text is printed once, and not if reason contains it.
+ * devices is "a(ssss)", the property Devices. While a device has a fault, "ok" is shown as "ok
+ * before the fault", because it is the last answer of a device and may be older than the fault of
+ * another device. */
 void status_say_devices(Record *to, GVariant *devices, const char *reason);

@@ -6,8 +6,9 @@
 
 typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **error);
 
-/* Runs func in the calling thread, and shows a bar or lines of JSON. ret_seconds (may be NULL) is
- * the time that func took. */
+/* Runs func in the calling thread, and shows a bar. With --json, a command with `streams` (cli.h)
+ * prints lines of JSON instead, and others show nothing. Returns what func returns. ret_seconds
+ * (may be NULL) is the time that func took. */
 gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error);
 
 typedef gboolean (*CliWrite)(const char *path, const struct work *work, gpointer data,

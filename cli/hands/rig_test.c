@@ -135,8 +135,9 @@ static void try_camera(struct trial *trial, int i, const char *driver) {
                          frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
 }
 
-/* Takes a picture of each camera under a light that is on. The report shows the picture of each
- * camera that has become brightest. */
+/* Takes a picture of each camera that has a dark picture, under a light that is on. The report
+ * shows the picture of each camera under the lamp that makes it brightest. After the first failure,
+ * no other camera is asked. */
 static void look(struct trial *trial, gboolean laser, struct test_result *result, int *ret_asked,
                  int *ret_saw, GError **error) {
     for (int i = 0; i < trial->rig.n_cameras; i++) {
@@ -204,8 +205,9 @@ static void try_interlock(struct trial *trial, const char *name, const char *dri
          g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
 }
 
-/* Returns the driver of the device of a class and name. For a lamp, which is part of a bank, name
- * is NULL: the result is the driver of all banks, or "" if their drivers differ. */
+/* Returns the driver of the device of a class and name, or "" if there is none. For a lamp, which
+ * is part of a bank, name is NULL: the result is the driver of all banks, or "" if their drivers
+ * differ. */
 static const char *driver_of(GVariant *devices, const char *class_name, const char *name) {
     const char *found = "", *of_class, *of_name, *driver, *health;
     GVariantIter iter;
@@ -274,9 +276,9 @@ static gboolean need_idle(Link *link, GError **error) {
     return FALSE;
 }
 
-/* Opens the rig, with a recording if one is wanted. If a device cannot be opened, the recording and
- * the report say so, and *ret_why is the reason. Returns FALSE with an error if there is nothing to
- * report. */
+/* Opens the rig, with a recording if one is wanted. With a recording, a device that cannot be
+ * opened is not an error here: the recording and the report say so, and *ret_why is the reason.
+ * After other failures, returns FALSE with an error. */
 static gboolean open_rig(struct trial *trial, const char *rig, gboolean records, gboolean *was_open,
                          GError **ret_why, GError **error) {
     if (!need_idle(trial->link, error) || !devices_read_geometry(rig, &trial->rig, error))

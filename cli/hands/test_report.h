@@ -57,8 +57,9 @@ struct test_picture *test_report_add_picture(struct test_report *report, const c
  * difference, divided by √2. Returns NAN if their sizes differ. */
 double test_noise_dn(const Frame *a, const Frame *b);
 
-/* Removes the paths and addresses of the devices from the texts of the report. rig is the path of
- * the rig file. */
+/* Replaces the paths and addresses of the devices in the sentences of the results with "…". Those
+ * of fewer than four bytes stay. rig is the path of the rig file; nothing is replaced if it cannot
+ * be read. */
 void test_report_hide_places(struct test_report *report, const char *rig);
 
 /* Returns the page (common/page.h), which has no path, no host name and no address; g_free(). */

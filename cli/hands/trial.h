@@ -13,8 +13,8 @@ struct trial {
     const struct session_conf *conf;
     const struct rig *rig;                   /* nominal */
     int cameras[RIG_MAX_CAMERAS], n_cameras; /* the cameras in the session's plan */
-    /* The lamps in the session's plan. According to the rig file, the first four are the brightest
-     * and the dimmest on the sample, and two between them. */
+    /* The lamps in the session's plan. If there are more than four, the first four are, according
+     * to the rig file, the brightest and the dimmest on the sample, and two between them. */
     int lamps[RIG_MAX_LAMPS], n_lamps;
     int lasers[RIG_MAX_LASERS], n_lasers;
 };

@@ -70,8 +70,9 @@ gboolean bench_init(struct bench *bench, const struct program_command *command, 
 void bench_clear(struct bench *bench);
 void bench_clear_verdict(struct bench *bench);
 
-/* Note why the check that runs has failed or was skipped, unless it has failed already. Both return
- * FALSE. advice is a literal that says what the author of the program must do. */
+/* Note why the check that runs has failed or was skipped. If it fails more than once, the first
+ * reason counts. Both return FALSE. advice is a literal that says what the author of the program
+ * must do. */
 gboolean bench_fail(struct bench *bench, const char *advice, const char *expected,
                     const char *came_format, ...) G_GNUC_PRINTF(4, 5);
 gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(2, 3);
@@ -80,7 +81,8 @@ gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(
 gboolean bench_hello(struct bench *bench);
 gboolean bench_open(struct bench *bench);
 
-/* The same as bench_open(), and leaves the device at rest: lamps off, an axis stopped. */
+/* The same as bench_open(), and then sends "stop" to lamps or to an axis. The lamps are then off;
+ * the axis may still brake. */
 gboolean bench_ready(struct bench *bench);
 
 /* Closes the input of the program, and kills the program if it does not end in time. */

@@ -98,9 +98,10 @@ void archive_add_check(struct archive *archive, enum archive_verdict verdict, co
 enum archive_verdict archive_verdict(const struct archive *archive);
 const char *archive_verdict_name(enum archive_verdict verdict); /* "pass", "warning", "failure" */
 
-/* Adds small pictures: the first lamp frame of each camera, the BTF from three elevations under
- * three lights, and the surface according to the MDF of the steepest view. Missing pictures are
- * left out. Returns FALSE with an error if the database cannot be read. */
+/* Adds small pictures: the first lamp frame of each of at most 32 cameras, the BTF from three
+ * elevations under three lights, and the surface according to the MDF of the steepest view. Missing
+ * pictures are left out. Returns FALSE with an error if the database cannot be read or if the work
+ * is cancelled. */
 gboolean archive_add_pictures(struct archive *archive, const struct work *work, GError **error);
 
 /* Returns a page without references to other files. history is an <svg> element, or NULL.

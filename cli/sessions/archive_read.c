@@ -112,7 +112,9 @@ static char *described(const Config *conf, const char *key) {
 }
 
 /* Reads the calibration that the products were made with, which may differ from that of the
- * capture. Adds checks of the age of each part and of the parts that are not calibrated. */
+ * capture. Adds checks of the age of each part, of the parts that are not calibrated, and of
+ * products that may have been made with another calibration. Does nothing for a session that was
+ * imported as a finished BTF or resampled. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
     g_autofree char *own = session_text(session, "calibration.conf", error);

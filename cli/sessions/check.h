@@ -45,8 +45,9 @@ gboolean check_directions(const struct btf_matrix *btf, struct check_directions 
                           const struct work *work, GError **error);
 
 /* Appends sentences (g_free()) that name the mistake that explains impossible values: values that
- * contradict reciprocity, lights that are dark in all views, too much or too little energy. Returns
- * FALSE with an error if the values cannot be read. */
+ * contradict reciprocity, lights that are dark in all views, too much or too little energy. Only
+ * the first of these that applies is named, because one mistake causes the others. Returns FALSE
+ * with an error if the values cannot be read. */
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error);
 

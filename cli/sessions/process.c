@@ -86,7 +86,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
 }
 
 /* Prints the calibration that the products were made with, and returns it. If told is TRUE, the
- * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
+ * session's own calibration has already been printed and is not repeated, unless some products may
+ * have been made with another one. Returns NULL on error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);

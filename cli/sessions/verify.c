@@ -25,8 +25,8 @@ static int by_name(gconstpointer a, gconstpointer b) {
 static const char *const folders[] = {"frames", "laser", "products", "products/btf", NULL};
 
 /* Returns whether a file or folder belongs to a session although the database has no row for it:
- * the database itself, locks, unfinished work, and the folder with the raw pictures of a frame,
- * which has the name of the frame. */
+ * the database itself, locks, unfinished work, the research object's metadata, and the folder with
+ * the raw pictures of a frame, which has the name of the frame. */
 static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
     static const char *const files[] = {"session.db",   "session.db-wal",         "session.db-shm",
                                         "capture.lock", "ro-crate-metadata.json", NULL};
