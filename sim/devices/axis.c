@@ -161,8 +161,8 @@ static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
     return v * (t - ramp / 2);
 }
 
-/* Returns the position of the drive at now_us, and its signed speed in *ret_speed. The drive must
- * be moving or braking. */
+/* Returns the position of the drive at now_us, and in *ret_speed its signed speed, or 0 if it
+ * brakes or its motion has ended. The drive must be moving or braking. */
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
     double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
     double sign = sim->to_deg < sim->from_deg ? -1 : 1;

@@ -148,9 +148,10 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
     return FALSE;
 }
 
-/* Exposes a picture, keeps it and sends it. Takes no picture if the chosen region is not within the
- * sensor, or if the acquisition ends before the exposure. The mutex must be locked; it is unlocked
- * while the picture is made. */
+/* Exposes a picture, keeps it and sends it. Takes no picture if the format is not possible, if the
+ * chosen region is not within the sensor, or if the acquisition ends before the exposure does. A
+ * picture that is to be sent late is not sent if the acquisition ends before that. The mutex must
+ * be locked; it is unlocked while the picture is made. */
 static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,

@@ -122,7 +122,7 @@ World *rig_world(VirtualRig *rig, const struct config_section *section, GError *
 }
 
 /* Returns the part of the world that an axis moves: the turntable, the arc, the arm, the probe, or
- * the sweep of the laser that has the name of the axis. */
+ * the sweep of the laser with that name (rig_part()). */
 char *rig_axis_part(const struct config_section *section) {
     const char *part = rig_part(section);
     static const char *const others[] = {"turntable", "arc", "arm", "probe", NULL};

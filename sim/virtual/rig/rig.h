@@ -67,21 +67,22 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
 /* Disconnects a device, or connects it again. name is the name of its section, "cam30" or "camera
- * cam30". A Modbus board is disconnected for all sections that share it. Of the devices on USB,
- * only USB3 Vision cameras can be disconnected. A still camera is switched off. Returns FALSE with
- * an error if there is no such device, or if it cannot be disconnected. */
+ * cam30". A board (Modbus or G-code) is disconnected for all sections that share it. Of the devices
+ * on USB, only USB3 Vision cameras can be disconnected. A still camera is switched off. Returns
+ * FALSE with an error if there is no such device, or if it cannot be disconnected. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
 /* Changes the sample: the devices act on the world of this file from now on. The new world must
  * have the same cameras, lamps and lasers as the present world, with the same names and sensors. A
- * rig with devices on USB other than USB3 Vision cameras cannot change its world. */
+ * rig with devices on USB other than USB3 Vision cameras cannot change its world. Returns FALSE
+ * with an error if the world is not changed, also because it is the present one. */
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
 
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* n_lit is the number of lamps and lasers that are on. n_moving is the number of axes
- * that move now. */
+/* n_lit is the number of lamps and lasers that are on. n_moving is the number of axes that move
+ * now; a board that speaks G-code counts as one axis. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

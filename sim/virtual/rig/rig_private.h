@@ -1,7 +1,7 @@
 /* The state and the functions that the parts of a virtual rig share. rig.c has the GigE Vision,
  * USB3 Vision and still cameras and the Modbus devices. rig_usb.c has the V4L2 cameras and the
- * other USB devices. rig_gcode.c has the axes on G-code boards, and
- * rig_leds.c has the lamps on serial LED controllers. */
+ * other USB devices. rig_gcode.c has the axes on G-code boards, and rig_leds.c has the lamps on
+ * serial LED controllers. rig_hands.c has what a person does to the rig. */
 #pragma once
 
 #include "rig.h"

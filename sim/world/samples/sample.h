@@ -85,7 +85,7 @@ int sample_count(double length_mm, double period_mm, int unit);
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
 /* Sets the gloss of a vertex from the options. gloss, along and across are the values of the kind
- * of sample, which are used for options that are −1. */
+ * of sample, which are used for a gloss below 0 and for roughnesses that are not above 0. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
 /* Sets an error that says that libpng cannot read the picture at path. Frees image. Always returns

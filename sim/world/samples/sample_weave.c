@@ -60,7 +60,7 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
 }
 
 /* Closes an end of a yarn's tube with triangles around the centre of the end. ring is the first
- * vertex of the tube's last ring. */
+ * vertex of the tube's ring at that end. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
