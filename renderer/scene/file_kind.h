@@ -14,7 +14,7 @@ enum file_kind {
 
 struct file_opened {
     enum file_kind kind;
-    /* Path; for session.db and for folders in a session, the path of the session. */
+    /* Path; for a session's session.db or products, the path of the session. */
     char *path;
     const struct method *method; /* FILE_KIND_MATERIAL: the method that draws it */
 };

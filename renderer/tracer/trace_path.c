@@ -153,8 +153,9 @@ static void path_take(struct path *path, const double radiance[3], double drawn,
              drawn > 0.0 && path->options->lamps_too ? path_weight(drawn, other) : 1.0);
 }
 
-/* Ends a path of little light at random (Russian roulette). Returns FALSE if the path ends.
- * Otherwise, path->share is increased to compensate. */
+/* Ends a path of little light at random (Russian roulette). Returns FALSE if the path ends, also
+ * because no light is left. After a draw that it survives, path->share is increased to
+ * compensate. */
 static gboolean path_survives(struct path *path, int depth) {
     const double most = fmax(path->share[0], fmax(path->share[1], path->share[2]));
     if (!(most > 0.0))

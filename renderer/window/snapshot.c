@@ -74,7 +74,7 @@ static char *drawn_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* Describes the materials of a scene, "floor=weave.session 4 x; …". Returns NULL if there are
+/* Describes the materials of a scene, "floor=weave.session, 4 tiles; …". Returns NULL if there are
  * none. */
 static char *materials_of(const struct viewer_options *o) {
     GString *text = g_string_new(NULL);

@@ -28,9 +28,9 @@ gboolean ui_wants_keyboard(void);
 float ui_scale(void);
 
 /* Begin a window of controls. ui_panel_begin(): a panel that fills a rectangle and scrolls.
- * ui_dialog_begin(): a dialog of the given width in the middle of a rectangle, not higher than it.
- * ui_bar_begin(): a line of text at the bottom of a rectangle; takes_mouse FALSE lets the mouse
- * reach the picture below it. ui_end_window() ends each. */
+ * ui_dialog_begin(): a dialog in the middle of a rectangle, of the given width if there is room,
+ * and not higher than the rectangle. ui_bar_begin(): a line of text at the bottom of a rectangle;
+ * takes_mouse FALSE lets the mouse reach the picture below it. ui_end_window() ends each. */
 struct ui_box {
     float x, y, width, height;
 };
@@ -84,7 +84,8 @@ struct ui_dot {
     enum ui_dot_kind kind;
 };
 /* Draws the dots. Returns the index of the light's dot that the mouse holds, and in *ret_theta_deg
- * and *ret_phi_deg the direction on the upper hemisphere to which the mouse has dragged this dot.
- * Returns −1 and sets neither if the mouse holds no dot. */
+ * and *ret_phi_deg the direction on the upper hemisphere to which the mouse has dragged this dot,
+ * or the dot's own direction until it is dragged. Returns −1 and sets neither if the mouse holds no
+ * dot. */
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg);

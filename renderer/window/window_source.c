@@ -266,8 +266,8 @@ void window_compare_measured(struct window *w) {
                    : "only a session has measured pictures to compare with; open a session first");
 }
 
-/* Shows the latest eigen-maps of a session that is being captured. Stops following the session when
- * the file of the eigen-maps exists. */
+/* Takes the latest eigen-maps of a session that is being captured, and shows them unless the user
+ * has chosen another method. Stops following the session when the file of the eigen-maps exists. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;

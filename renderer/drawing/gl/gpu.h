@@ -75,8 +75,8 @@ struct gpu_target {
 };
 
 /* Makes textures of this size. Does nothing if the target already has this size, whatever its
- * format. The contents of new textures are undefined. Fails if the card does not support the
- * size. */
+ * format. The contents of new textures are undefined. Fails if the card does not support the size
+ * or cannot draw into the format. */
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);

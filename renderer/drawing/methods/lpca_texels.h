@@ -19,7 +19,7 @@ struct lpca_pyramid {
 
 /* Initializes a pyramid. Checks that all values are finite and that the levels fit together: each
  * level has half the width and height of the level before, but at least 1, and all levels have the
- * same directions. levels must live longer than the pyramid. */
+ * same directions and together at most 65535 clusters. levels must live longer than the pyramid. */
 gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
