@@ -31,7 +31,7 @@ struct below {
 #ifndef MDF_SHELL
 // Returns the mip level for the axis of the screen along which the texture coordinates change less.
 // Near a contour they change without limit along the other axis, and a level for that axis would
-// smooth the relief away.
+// smooth the relief away. A volume has only level 0.
 float level_of_detail() {
 #ifdef MDF_VOLUME
     return 0.0;
@@ -131,10 +131,11 @@ float way_to_base(vec3 v) {
 
 // Returns where a ray meets the structure and the base. The ray is the parabola of way_to_base().
 // The MDF is tabulated only for straight rays over a flat surface, so CHORDS chords of this
-// parabola are tested. All start where the ray enters. The last one ends where the ray is as deep
-// as the deepest structure, or at the deepest point of the ray. A chord lies above the parabola, so
-// a structure that the chord meets before its end is also met by the ray. Along the texture, a
-// chord has the length that texture_step() returns for its far end, at the depth chord · end.
+// parabola are tested, or one if the mesh is flat along the ray. All start where the ray enters.
+// The last one ends where the ray is as deep as the deepest structure, or at the deepest point of
+// the ray. A chord lies above the parabola, so a structure that the chord meets before its end is
+// also met by the ray. Along the texture, a chord has the length that texture_step() returns for
+// its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = mesh_mm();
     mm.xy = straight ? mm.zz : mm.xy;
