@@ -6,9 +6,10 @@
     formats.py bsdf BUILD FOLDER SESSION…        Mitsuba 3 reads .bsdf by its plug-in “measured”
     formats.py mitsuba BUILD FOLDER SESSION…     the plug-in contrib/mitsuba (BUILD has no sanitizers)
 
-makes a virtual environment in FOLDER/venv with packages from PyPI (1.4 GB), exports each session with
-BUILD/bin/mesorig into FOLDER, and prints a row for each. A name of tests/bench/capture_materials stands for
-the session that it captures. Exit status 1: a check failed.
+makes a virtual environment in FOLDER/venv with packages from PyPI (1.4 GB), for materialx also FOLDER/npm with a
+package of npm (30 MB), exports each session with BUILD/bin/mesorig
+into FOLDER, and prints a row for each. A name of tests/bench/capture_materials stands for the session that it
+captures. Exit status 1: a check failed.
 """
 import json
 import os
@@ -24,6 +25,7 @@ PACKAGES = (
     "OpenEXR==3.5.3",
     "usd-core==26.11",
 )
+NPM_PACKAGE = "@needle-tools/materialx@1.4.6"  # the WebAssembly build of MaterialX for web pages
 # Mitsuba's own choice, the newest LLVM that is linked to libLLVM.so, is too old on Debian 12.
 LLVM = "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -104,12 +106,22 @@ def check_usd(build, folder, session):
     return bad
 
 
+def check_in_wasm(folder, documents):
+    """Returns 0 if all documents are good for the WebAssembly build of MaterialX."""
+    npm = f"{folder}/npm"
+    install = ["npm", "install", "--silent", "--no-audit", "--no-fund", "--prefix", npm, NPM_PACKAGE]
+    subprocess.run(install, check=True)
+    script = f"{HERE}/formats_materialx.mjs"
+    built = f"{npm}/node_modules/@needle-tools/materialx/bin"
+    return subprocess.run(["node", script, built, *documents]).returncode
+
+
 def check_materialx(build, folder, session):
     renderers = os.path.join(HERE, "..", "renderers")
     out = export(build, "materialx", session, f"{folder}/{name_of(session)}_materialx")
     documents = [only(out, end) for end in ("_openpbr.mtlx", "_standard_surface.mtlx")]
     validate = [sys.executable, f"{renderers}/materialx_glsl.py", "validate", *documents]
-    bad = subprocess.run(validate).returncode
+    bad = subprocess.run(validate).returncode or check_in_wasm(folder, documents)
     environment = {"RENDERERS": "model materialx openpbr", "MATERIALX_PYTHON": sys.executable}
     subprocess.run(
         [f"{renderers}/compare_renderers", build, folder, session],
