@@ -40,6 +40,11 @@ static void tell_status(Record *to, BusRig1 *rig) {
     record_say(to, "rig        %s\n", bus_rig1_get_rig_path(rig));
     if (bus_rig1_get_shots(rig) > 0)
         status_say_progress(to, rig);
+    g_autoptr(GPtrArray) processed = g_ptr_array_new();
+    const char *const *directories = bus_rig1_get_processing(rig);
+    for (int i = 0; directories && directories[i]; i++)
+        g_ptr_array_add(processed, (gpointer)directories[i]);
+    record_say_strings(to, "processing", "processing ", processed);
     unattended_tell(to, rig, FALSE);
     if (devices && g_variant_n_children(devices) > 0)
         status_say_devices(to, devices, reason);

@@ -12,7 +12,6 @@
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/wait.h"
-#include "rig1-bus.h"
 #include "session/session.h"
 
 struct site {
@@ -157,16 +156,6 @@ static void call_daemon(const struct site *site, const char *method) {
     g_assert_no_error(error);
 }
 
-/* Returns whether the daemon processes a session. */
-static gboolean is_processing(const struct site *site) {
-    g_autoptr(GDBusConnection) connection = ok(g_dbus_connection_new_for_address_sync(
-        site->address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
-    g_autoptr(GObject) rig = G_OBJECT(ok(
-        bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_NONE, NULL, BUS_PATH, NULL, ERR)));
-    const char *const *directories = bus_rig1_get_processing(BUS_RIG1(rig));
-    return directories && *directories;
-}
-
 /* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
  * late to come before its last one. */
 static void call_amid(const struct site *site, const char *name, const char *method) {
@@ -217,6 +206,16 @@ TEST(three) {
     site_free(site);
 }
 
+/* Waits until “mesorig status” names a session that is processed, or none. */
+static void wait_for_processing(struct site *site, gboolean wanted) {
+    gboolean found = !wanted;
+    UNTIL (found == wanted) {
+        operator_does(site->run, 0, "status", "--address", site->address, NULL);
+        found = strstr(site->run->out, "\nprocessing /") != NULL;
+        g_usleep(G_USEC_PER_SEC / 20);
+    }
+}
+
 static void assert_product(const char *session) {
     g_autofree char *product = g_build_filename(session, "products", "eigenmaps.exr", NULL);
     g_assert_true(g_file_test(product, G_FILE_TEST_EXISTS));
@@ -235,9 +234,9 @@ TEST(processed) {
     assert_has(site->run->out, "Ctrl-C ends only this program");
     assert_product(site->run->session);
     QUEUE(site, 0, "add", first, second, "--into", site->run->directory, "--process");
+    wait_for_processing(site, TRUE);
     wait_for(site, "done done empty");
-    UNTIL (!is_processing(site))
-        g_usleep(G_USEC_PER_SEC / 10);
+    wait_for_processing(site, FALSE);
     assert_product(of_first);
     assert_product(of_second);
     site_free(site);
