@@ -517,11 +517,12 @@ static void set_errors(struct laser_plane *to) {
 
 /* Sets an error that the positions of the n boards do not determine a plane. Returns FALSE. */
 static gboolean refuse_degenerate(const struct laser_plane *plane, int n, GError **error) {
-    return refuse(error, LASER_PLANE_ERROR_DEGENERATE,
-                  "the laser's lines on %d boards lie within %.2f mm of one straight line, which "
-                  "does not determine a plane: the boards stand in one place, or parallel to each "
-                  "other and to the line; hold the board nearer, farther away and at other tilts",
-                  n, plane->spread_mm);
+    return refuse(
+        error, LASER_PLANE_ERROR_DEGENERATE,
+        "the laser's lines on %d boards are at %.2f mm (RMS) from one straight line, which "
+        "does not determine a plane; take photographs with the board nearer, farther away and "
+        "at other tilts",
+        n, plane->spread_mm);
 }
 
 void laser_plane_free(struct laser_plane *plane) {

@@ -97,7 +97,9 @@ struct session_shot {
     double sweep_from_deg, sweep_to_deg;
     int sweep_steps;
     enum session_shot_state state;
-    char *note; /* why the shot was skipped or changed, or NULL */
+    /* why the shot was skipped or changed, and which cameras were saturated; NULL if there is
+     * nothing to say */
+    char *note;
     struct session_pass pass;
 };
 
