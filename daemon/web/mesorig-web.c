@@ -4,14 +4,16 @@
 #include "bus/bus_client.h"
 #include "web_server.h"
 
+#include <errno.h>
 #include <glib-unix.h>
+#include <stdlib.h>
 #include <string.h>
 #include <systemd/sd-daemon.h>
 
 #define MIN_TOKEN 16   /* minimum length of the token in characters */
 #define MAX_TOKEN 4096 /* maximum size of the token's file in bytes */
 
-static char *address, *bus, *listen_address, *token_path;
+static char *address, *bus, *listen_address, *token_path, *sessions;
 static char **hosts;
 static int port = WEB_PORT;
 static gboolean safe_needs_token;
@@ -26,11 +28,17 @@ static const GOptionEntry entries[] = {
      "with TLS; may be repeated",
      "NAME"},
     {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
-     "Let clients that send the first line of this file pause, continue, abort and release the rig "
-     "(no client may)",
+     "Let clients that send the first line of this file capture, pause, continue, abort and "
+     "release "
+     "the rig (no client may)",
      "FILE"},
     {"safe-needs-token", 0, 0, G_OPTION_ARG_NONE, &safe_needs_token,
      "Do not let clients without the token make the rig safe (all clients may)", NULL},
+    {"sessions", 0, 0, G_OPTION_ARG_FILENAME, &sessions,
+     "Show the session files and session directories in this folder, and let clients with the "
+     "token "
+     "capture them there (none)",
+     "DIR"},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
      "Connect to the daemon's own socket, not to a bus (MESORIG_ADDRESS in the environment)",
@@ -70,16 +78,33 @@ static char *read_token(GError **error) {
     return g_steal_pointer(&text);
 }
 
+/* Returns the absolute path of the folder of --sessions, without links; free(). */
+static char *find_folder(GError **error) {
+    char *path = realpath(sessions, NULL);
+    if (path && g_file_test(path, G_FILE_TEST_IS_DIR))
+        return path;
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "--sessions %s: %s; give a folder with session files, to which mesorig-web has "
+                "access",
+                sessions, path ? "this is no folder" : g_strerror(errno));
+    free(path);
+    return NULL;
+}
+
 static int serve(GError **error) {
     g_autofree char *token = NULL;
     if (token_path && !(token = read_token(error)))
+        return 1;
+    g_autofree char *folder = NULL;
+    if (sessions && !(folder = find_folder(error)))
         return 1;
     WebRig *rig = web_rig_new(address ? address : bus ? NULL : bus_client_address(), bus, error);
     const struct web_options options = {.address = listen_address,
                                         .port = (guint)port,
                                         .token = token,
                                         .safe_needs_token = safe_needs_token,
-                                        .hosts = (const char *const *)hosts};
+                                        .hosts = (const char *const *)hosts,
+                                        .sessions = folder};
     WebServer *server = rig ? web_server_new(rig, &options, error) : NULL;
     if (server) {
         g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);

@@ -504,14 +504,21 @@ static GError *refuse_away(const WebRig *rig) {
 }
 
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data) {
+    web_rig_call_with(rig, method, NULL, back, data);
+}
+
+void web_rig_call_with(WebRig *rig, const char *method, GVariant *parameters, WebRigDone back,
+                       gpointer data) {
     g_autoptr(GError) away = refuse_away(rig);
     if (away) {
+        if (parameters)
+            g_variant_unref(g_variant_ref_sink(parameters));
         back(NULL, away, data);
         return;
     }
     struct action *action = g_new(struct action, 1);
     *action = (struct action){back, data};
-    g_dbus_proxy_call(G_DBUS_PROXY(rig->rig), method, NULL, G_DBUS_CALL_FLAGS_NONE, -1,
+    g_dbus_proxy_call(G_DBUS_PROXY(rig->rig), method, parameters, G_DBUS_CALL_FLAGS_NONE, -1,
                       rig->cancellable, on_called, action);
 }
 

@@ -42,6 +42,9 @@ char *web_rig_progress(const WebRig *rig);
  * neither. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
+/* The same for a method with arguments. parameters is a tuple and may be floating. */
+void web_rig_call_with(WebRig *rig, const char *method, GVariant *parameters, WebRigDone back,
+                       gpointer data);
 
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {

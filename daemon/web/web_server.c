@@ -3,6 +3,7 @@
 #include "base/json.h"
 #include "web_door.h"
 #include "web_origin.h"
+#include "web_tasks.h"
 
 #include <string.h>
 
@@ -32,6 +33,7 @@ struct WebServer {
     WebRig *rig;
     char *token;
     gboolean safe_needs_token;
+    char *sessions;     /* folder of sessions; NULL if there is none */
     char *address;      /* address on which the server listens */
     GPtrArray *origins; /* of char *: origins of the server's names (web_origin.h) */
     GPtrArray *streams;
@@ -293,7 +295,8 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
         const char *path, *file, *type;
     } files[] = {{"/", "index.html", "text/html; charset=utf-8"},
                  {"/style.css", "style.css", "text/css; charset=utf-8"},
-                 {"/app.js", "app.js", "text/javascript; charset=utf-8"}};
+                 {"/app.js", "app.js", "text/javascript; charset=utf-8"},
+                 {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"}};
     if (!admit(data, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
@@ -524,6 +527,23 @@ static void answer_safe(WebServer *server, SoupServerMessage *message) {
         ask_safe(server);
 }
 
+static void on_task(guint status, const char *type, GBytes *body, gpointer data) {
+    struct waiting *waiting = data;
+    respond_bytes(waiting->message, type, body);
+    soup_server_message_set_status(waiting->message, status, NULL);
+    end_waiting(waiting);
+}
+
+static void do_task(WebServer *server, SoupServerMessage *message, const struct web_task_path *path,
+                    const char *name, GHashTable *query) {
+    struct waiting *waiting = begin_waiting(server, message);
+    if (!waiting)
+        return;
+    if (path->acts)
+        web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
+    path->run(&(struct web_task){server->rig, server->sessions, name, query, on_task, waiting});
+}
+
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
                    GHashTable *query, gpointer data) {
     static const char *const actions[][2] = {
@@ -543,6 +563,13 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     if (strcmp(what, "safe") == 0) {
         if (admit(server, message, ACCESS_SAFE))
             answer_safe(server, message);
+        return;
+    }
+    g_autofree char *name = NULL;
+    const struct web_task_path *task = web_tasks_find(what, &name);
+    if (task) {
+        if (admit(server, message, task->acts ? ACCESS_TOKEN : ACCESS_LOOK))
+            do_task(server, message, task, name, query);
         return;
     }
     if (!admit(server, message, ACCESS_LOOK))
@@ -595,6 +622,7 @@ WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError
     server->rig = rig;
     server->token = g_strdup(options->token);
     server->safe_needs_token = options->safe_needs_token;
+    server->sessions = g_strdup(options->sessions);
     server->calls = g_rc_box_new0(int);
     server->address = g_strdup(options->address ? options->address : "127.0.0.1");
     server->origins = g_ptr_array_new_with_free_func(g_free);
@@ -630,6 +658,7 @@ void web_server_free(WebServer *server) {
     g_object_unref(server->soup);
     g_ptr_array_unref(server->streams);
     g_ptr_array_unref(server->origins);
+    g_free(server->sessions);
     g_free(server->address);
     g_free(server->token);
     g_free(server);

@@ -18,6 +18,9 @@ struct web_options {
     gboolean safe_needs_token;
     /* Further names of the server: NAME, NAME:PORT or https://NAME. NULL means none. */
     const char *const *hosts;
+    /* Absolute path of the folder of session files and session directories; NULL if there is none
+     */
+    const char *sessions;
 };
 
 #define WEB_PORT 8470

@@ -112,3 +112,57 @@ class Rig:
     def abort(self) -> None:
         """Ends the capture now. It can be resumed."""
         self._json("abort", "POST")
+
+    def files(self) -> List[Dict[str, Any]]:
+        """The session files of the server's folder (--sessions): name, bytes and changed (seconds since 1970)."""
+        return self._json("files")["files"]
+
+    def sessions(self) -> List[Dict[str, Any]]:
+        """The session directories of that folder: name and changed."""
+        return self._json("sessions")["sessions"]
+
+    def _command(self, path: Tuple[str, ...], **query: Any) -> Dict[str, Any]:
+        place = "/".join(urllib.parse.quote(part, safe="") for part in path)
+        given = {
+            key: int(value) if isinstance(value, bool) else value
+            for key, value in query.items()
+            if value is not None
+        }
+        return self._json(place + "?" + urllib.parse.urlencode(given), "POST")
+
+    def plan(self, file: str, session: Optional[str] = None) -> Dict[str, Any]:
+        """Checks a session file. Returns ok, report (the plan, or all mistakes) and plan, with predicted_s, bytes and
+        more. session is the name of the session directory; by default that of the file."""
+        return self._command(("files", file, "plan"), session=session)
+
+    def start(self, file: str, session: Optional[str] = None, process: bool = False) -> None:
+        """Begins to capture a session file at once, without test shots."""
+        self._command(("files", file, "start"), session=session, process=process)
+
+    def enqueue(
+        self, file: str, session: Optional[str] = None, process: bool = False, yes: bool = False
+    ) -> int:
+        """Adds a session file at the end of the queue, which takes test shots first, and returns its number. With yes
+        it is captured even if they give a warning."""
+        answer = self._command(("files", file, "queue"), session=session, process=process, yes=yes)
+        return answer["number"]
+
+    def resume_session(self, session: str, process: bool = False) -> None:
+        """Continues a session directory: captures what is missing."""
+        self._command(("sessions", session, "resume"), process=process)
+
+    def pause_queue(self) -> None:
+        """Begins no further session. The current one continues."""
+        self._command(("queue", "pause"))
+
+    def resume_queue(self) -> None:
+        """Continues the queue, and its session if that is paused."""
+        self._command(("queue", "resume"))
+
+    def remove_from_queue(self, number: int) -> None:
+        """Removes a session that is not being captured."""
+        self._command(("queue", str(number), "remove"))
+
+    def move_in_queue(self, number: int, place: int) -> None:
+        """Moves a session that waits to another place among those that wait, from 1."""
+        self._command(("queue", str(number), "move"), place=place)

@@ -4,17 +4,26 @@
 
 #include <string.h>
 
-static void start_daemon(struct site *site, gboolean opens) {
+static void start_daemon(struct site *site, int flags) {
     g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
-    site->daemon = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
-                                 (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->bus,
-                                                  opens ? "--rig" : NULL, site->run->rig, NULL});
+    g_autofree char *queue = g_build_filename(site->run->directory, "queue", NULL);
+    const char *argv[8] = {BUILD_DIR "/bin/mesorigd", "--listen", site->bus};
+    int n = 3;
+    if (flags & SITE_RIG) {
+        argv[n++] = "--rig";
+        argv[n++] = site->run->rig;
+    }
+    if (flags & SITE_QUEUE) {
+        argv[n++] = "--queue";
+        argv[n++] = queue;
+    }
+    site->daemon = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL, argv);
     UNTIL (g_file_test(socket, G_FILE_TEST_EXISTS))
         g_usleep(G_USEC_PER_SEC / 10);
 }
 
 void site_start_daemon(struct site *site) {
-    start_daemon(site, FALSE);
+    start_daemon(site, 0);
 }
 
 struct site *site_new(int flags, const struct change *changes) {
@@ -26,7 +35,7 @@ struct site *site_new(int flags, const struct change *changes) {
     site->log = g_build_filename(site->run->directory, "web.log", NULL);
     g_autofree char *token = g_build_filename(site->run->directory, "token", NULL);
     g_assert_true(g_file_set_contents(token, SITE_TOKEN "\n", -1, NULL));
-    start_daemon(site, (flags & SITE_RIG) != 0);
+    start_daemon(site, flags);
     /* If libsoup is told to continue a message that has already ended, this is an error of the
      * server. */
     const char *const common[] = {"/usr/bin/env",
@@ -44,6 +53,10 @@ struct site *site_new(int flags, const struct change *changes) {
     }
     if (flags & SITE_SAFE_NEEDS_TOKEN)
         g_ptr_array_add(argv, "--safe-needs-token");
+    if (flags & SITE_SESSIONS) {
+        g_ptr_array_add(argv, "--sessions");
+        g_ptr_array_add(argv, site->run->directory);
+    }
     g_ptr_array_add(argv, NULL);
     site->server =
         process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE, site->log, (const char *const *)argv->pdata);

@@ -22,6 +22,8 @@ enum {
     SITE_SHOWS = 1,            /* the server has no token */
     SITE_SAFE_NEEDS_TOKEN = 2, /* the server has the option --safe-needs-token */
     SITE_RIG = 4,              /* the daemon has opened the rig */
+    SITE_SESSIONS = 8,         /* the server has --sessions with the folder of the operation */
+    SITE_QUEUE = 16,           /* the daemon keeps a queue */
 };
 
 /* Starts the daemon and the server. changes are changes of the rig file, or NULL. */

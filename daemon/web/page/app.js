@@ -70,7 +70,6 @@ function showState() {
   $("pause").disabled = !token || !runs;
   $("continue").disabled = !token || (!paused && !state.prompt);
   $("abort").disabled = !token || !busy;
-  $("safe").disabled = away || (safeNeedsToken && !token);
   $("release").hidden = !state.latched;
   $("release").disabled = !token || away;
   $("unlock").hidden = !acts || !!token;
@@ -85,6 +84,7 @@ function showState() {
   showQueue();
   for (const device of state.devices || [])
     if (device.class === "camera") watchCamera(device.name);
+  document.dispatchEvent(new Event("rig"));
 }
 
 // Shows the devices that have not confirmed that they are off or stand still. Shows none while no daemon answers,
@@ -230,6 +230,9 @@ function showQueue() {
   $("queue-section").hidden = !keeps;
   if (!keeps) return;
   text("queue-state", [queueStates[state.queue_state], state.queue_reason].filter(Boolean).join(" "));
+  const key = JSON.stringify([state.queue, state.queue_state, state.predicted_end, !sessionStorage.getItem("token")]);
+  if ($("queue").dataset.shown === key) return; // so that a button in the list keeps the focus
+  $("queue").dataset.shown = key;
   let at = state.queue_state === "paused" ? 0 : Date.now() / 1000;
   $("queue").replaceChildren(...state.queue.map(item => {
     const ended = ["done", "stopped"].includes(item.state), runs = item.state === "begun";
@@ -244,6 +247,7 @@ function showQueue() {
       `${time(begin)} – ${time(end)}`);
     if (item.message) row.append(element("p", "faint", item.message));
     if (item.prompt && !ended && !runs) row.append(element("p", "faint", `Before this session: ${item.prompt}`));
+    if (acts && !runs && item.state !== "trying") row.append(actButton("Remove", `Remove ${item.name} from the queue`, `queue/${item.number}/remove`));
     return row;
   }));
 }
@@ -329,6 +333,7 @@ function addEvent(event) {
 
 // --- actions
 
+// Sends a command. Returns the answer of the server, or null if it was refused. The page then says why.
 async function act(name) {
   const token = sessionStorage.getItem("token");
   text("answer", "");
@@ -339,11 +344,21 @@ async function act(name) {
   const told = await answer.json().catch(() => ({ error: "the answer of the server is not JSON" }));
   if (answer.ok) {
     if (name === "safe") showSafe(told);
-    return;
+    return told;
   }
   if (answer.status === 401) sessionStorage.removeItem("token");
   text("answer", told.error);
   showState();
+  return null;
+}
+
+// Returns a button with a command. label says in full what it does, for screen readers.
+function actButton(name, label, path) {
+  const button = element("button", "small", name);
+  button.setAttribute("aria-label", label);
+  button.disabled = !sessionStorage.getItem("token");
+  button.onclick = () => act(path);
+  return button;
 }
 
 // Shows the answer of SafeState, with the devices that were not read back. A device with the state "commanded only"
@@ -361,9 +376,27 @@ function showSafe(told) {
   else text("answer", `NOT safe: ${names}. Switch them off by hand.`);
 }
 
-for (const name of ["pause", "continue", "release", "safe"]) $(name).onclick = () => act(name);
-$("abort").onclick = () => confirm("Abort the capture? Its frames are kept, and it can be resumed.") && act("abort");
-$("unlock").onclick = () => { $("token-form").hidden = false; $("token").focus(); };
+function askToken() {
+  $("token-form").hidden = false;
+  $("token").focus();
+}
+
+for (const name of ["pause", "continue", "release"]) $(name).onclick = () => act(name);
+$("safe").onclick = () => safeNeedsToken && !sessionStorage.getItem("token") ? askToken() : act("safe");
+// A dialog would hide the button “Safe state”. The button therefore asks to be pressed again.
+$("abort").onclick = () => {
+  if ($("abort").dataset.sure) act("abort");
+  const sure = !$("abort").dataset.sure;
+  clearTimeout($("abort").dataset.timer);
+  showSure(sure);
+  if (sure) $("abort").dataset.timer = setTimeout(showSure, 5000, false);
+};
+function showSure(sure) {
+  $("abort").dataset.sure = sure ? "1" : "";
+  text("abort", sure ? "Press again to abort" : "Abort");
+  text("done", sure ? "Frames that were taken are kept, and the session can be resumed." : "");
+}
+$("unlock").onclick = askToken;
 $("token-form").onsubmit = event => {
   event.preventDefault();
   sessionStorage.setItem("token", $("token").value.trim());

@@ -63,13 +63,13 @@ TEST(shows) {
 
 /* Every answer is as the OpenAPI description of the server says, and the Python client gets it. */
 TEST(description) {
-    struct site *site = site_new(0, NULL);
+    struct site *site = site_new(SITE_SESSIONS | SITE_QUEUE, NULL);
     const char *const argv[] = {"/usr/bin/python3",
                                 SOURCE_DIR "/tests/daemon/web/check_description", site->uri,
                                 SITE_TOKEN, NULL};
     site_capture(site);
     g_autofree char *said = process_text(0, argv);
-    assert_has(said, "check_description: 12 operations");
+    assert_has(said, "check_description: 22 operations");
     site_free(site);
 }
 

@@ -1,0 +1,147 @@
+// The session files and session directories of the folder of --sessions: plan, start, queue, resume.
+"use strict";
+
+let planned = ""; // file and name of the last plan without a mistake; Start and Add to queue need it
+let hasFolder = false;
+let sessionsShown = "";
+
+// Returns the path of a command for the chosen file, with its query.
+function filePath(what, query) {
+  return `files/${encodeURIComponent($("file").value)}/${what}?${new URLSearchParams(query)}`;
+}
+
+function chosen() {
+  return JSON.stringify([$("file").value, $("session-name").value]);
+}
+
+// Enables the buttons that are of use now.
+function showCapture() {
+  const token = !!sessionStorage.getItem("token"), away = state.state === "away";
+  const isFree = ["idle", "done", "aborted"].includes(state.state);
+  const keeps = !!state.queue_state && state.queue_state !== "none";
+  const hasPlan = planned === chosen();
+  $("capture-section").hidden = !hasFolder || !acts;
+  $("sessions-section").hidden = !hasFolder;
+  $("plan").disabled = !token || away || !$("file").value;
+  $("start").disabled = !token || !isFree || state.latched || !hasPlan || ["working", "hands"].includes(state.queue_state);
+  $("enqueue").hidden = !keeps;
+  $("enqueue").disabled = !token || away || !hasPlan;
+  $("queue-buttons").hidden = !acts || !keeps;
+  $("queue-pause").disabled = !token || state.queue_state === "paused";
+  $("queue-resume").disabled = !token || state.queue_state !== "paused";
+  text("capture-hint", !$("file").value ? "The folder has no session file."
+    : !token ? "Enter the token to plan and capture."
+    : state.state === "closed" ? "No rig is open. Start mesorigd with --rig RIG."
+    : state.latched ? "The rig is held in the safe state. Release it to capture."
+    : !hasPlan ? "Plan first: it says how long the capture takes, and how much space it needs."
+    : keeps ? "Start begins at once, without test shots. The queue first takes test shots, and chooses exposures that are auto."
+    : "Start begins at once, without test shots.");
+  for (const button of document.querySelectorAll("#sessions .resume"))
+    button.disabled = !token || !isFree || state.latched;
+}
+
+function size(bytes) {
+  const units = ["bytes", "kB", "MB", "GB", "TB"];
+  let value = bytes, unit = 0;
+  while (value >= 1000 && unit < units.length - 1) { value /= 1000; unit++; }
+  return `${unit && value < 100 ? value.toPrecision(3) : Math.round(value)} ${units[unit]}`;
+}
+
+// Returns a list of names and values: [["Time", "3 min"], …].
+function values(pairs) {
+  const list = element("dl", "values");
+  for (const [name, value] of pairs) {
+    const box = element("div");
+    box.append(element("dt", "", name), element("dd", "", value));
+    list.append(box);
+  }
+  return list;
+}
+
+function showPlan(told) {
+  const plan = told.plan;
+  if (!told.ok) {
+    $("plan-answer").replaceChildren(element("p", "mistakes", "This session cannot be captured:"), element("pre", "", told.report));
+    return;
+  }
+  const details = element("details");
+  details.append(element("summary", "", "The whole plan"), element("pre", "", told.report));
+  $("plan-answer").replaceChildren(
+    values([["Time", duration(plan.predicted_s)], ["On disk", size(plan.bytes)], ["Shots", plan.shots], ["Frames", plan.frames],
+            ["Views", plan.views], ["Lights", plan.lights]]),
+    ...(plan.prompt ? [element("p", "", `Before it begins: ${plan.prompt}`)] : []),
+    ...(plan.notes || []).map(note => element("p", "faint", note)), details);
+}
+
+async function makePlan() {
+  const at = chosen();
+  planned = "";
+  showCapture();
+  $("plan-answer").replaceChildren(element("p", "faint", "The plan is being made …"));
+  const told = await act(filePath("plan", { session: $("session-name").value }));
+  if (at !== chosen()) return; // another file was chosen meanwhile
+  if (told) showPlan(told); else $("plan-answer").replaceChildren();
+  if (told && told.ok) planned = at;
+  showCapture();
+}
+
+async function begin(what) {
+  const query = { session: $("session-name").value, process: $("process").checked ? 1 : 0 };
+  planned = ""; // a second press must not begin a second capture
+  showCapture();
+  const told = await act(filePath(what, query));
+  if (!told) return;
+  $("plan-answer").replaceChildren(element("p", "", what === "start" ? "The capture has begun." : `Added to the queue as number ${told.number}.`));
+}
+
+function showSessions(list) {
+  const key = JSON.stringify(list);
+  if (sessionsShown === key) return; // so that a button in the list keeps the focus
+  sessionsShown = key;
+  $("sessions").replaceChildren(...list.map(session => {
+    const row = element("li");
+    const button = actButton("Resume", `Resume ${session.name}`, `sessions/${encodeURIComponent(session.name)}/resume`);
+    button.classList.add("resume");
+    row.append(element("strong", "", session.name), ` ${new Date(1000 * session.changed).toLocaleString([], { dateStyle: "medium", timeStyle: "short" })}`, button);
+    return row;
+  }));
+  if (list.length === 0) $("sessions").append(element("li", "faint", "No session yet."));
+}
+
+async function loadFiles() {
+  const told = await getJson("files");
+  hasFolder = told.folder;
+  const old = $("file").value;
+  $("file").replaceChildren(...told.files.map(file => {
+    const option = element("option", "", file.name);
+    option.value = file.name;
+    option.selected = file.name === old;
+    return option;
+  }));
+  if ($("file").value !== old) chooseFile();
+  if (hasFolder) showSessions((await getJson("sessions")).sessions);
+  showCapture();
+}
+
+function chooseFile() {
+  $("session-name").value = $("file").value;
+  $("plan-answer").replaceChildren();
+  showCapture();
+}
+
+$("file").onchange = chooseFile;
+$("session-name").oninput = () => { $("plan-answer").replaceChildren(); showCapture(); };
+$("capture-form").onsubmit = event => { event.preventDefault(); makePlan(); };
+$("start").onclick = () => begin("start");
+$("enqueue").onclick = () => begin("queue");
+$("queue-pause").onclick = () => act("queue/pause");
+$("queue-resume").onclick = () => act("queue/resume");
+
+let lastState = "";
+document.addEventListener("rig", () => {
+  showCapture();
+  const now = `${state.state} ${state.session}`;
+  if (now === lastState) return;
+  lastState = now; // a capture may have begun or ended
+  loadFiles().catch(() => {});
+});

@@ -1,0 +1,274 @@
+/* mesorig-web with commands: session files and the queue, by HTTP and from the page in a browser.
+ */
+#include "lib/browser.h"
+#include "lib/ok.h"
+#include "lib/operator.h"
+#include "lib/process.h"
+#include "lib/test.h"
+#include "lib/web_site.h"
+
+#include <glib/gstdio.h>
+#include <json-glib/json-glib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define RIGHT "Authorization: Bearer " SITE_TOKEN
+
+/* Sends a command with the token, which must be answered with this status. Returns the answer;
+ * g_free(). */
+static char *does(const struct site *site, guint status, const char *path) {
+    char *said = NULL;
+    const guint is = site_ask(site, "POST", path, RIGHT, &said);
+    if (is != status)
+        g_error("POST %s: %u, not %u: %s", path, is, status, said);
+    return said;
+}
+
+static JsonParser *parsed(const char *text) {
+    JsonParser *parser = json_parser_new();
+    ok(json_parser_load_from_data(parser, text, -1, ERR));
+    return parser;
+}
+
+static JsonObject *object_of(JsonParser *parser) {
+    return json_node_get_object(json_parser_get_root(parser));
+}
+
+static char *look(const struct site *site, const char *path) {
+    char *text = NULL;
+    g_assert_cmpuint(site_ask(site, "GET", path, NULL, &text), ==, 200);
+    return text;
+}
+
+static void wait_for(const struct site *site, const char *words) {
+    g_autofree char *text = NULL;
+    for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
+        g_free(text);
+        text = look(site, "api/v1/state");
+        if (strstr(text, words))
+            return;
+        g_usleep(G_USEC_PER_SEC / 10);
+    }
+    g_error("within %d s the state did not have %s: %s", SITE_WAIT_S, words, text);
+}
+
+/* A session file is listed, planned as `mesorig plan` does, captured, and resumed. */
+TEST(captures) {
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS, NULL);
+    g_autofree char *files = look(site, "api/v1/files");
+    assert_has(files, "\"name\": \"session\"");
+    g_assert_null(strstr(files, "rig"));
+    g_free(does(site, 200, "api/v1/files/session/plan"));
+    g_autofree char *said = does(site, 200, "api/v1/files/session/plan?session=other");
+    g_autoptr(JsonParser) here = parsed(said);
+    operator_does(site->run, 0, "plan", "--json", "--offline", site->run->rig, site->run->conf,
+                  NULL);
+    g_autoptr(JsonParser) there = parsed(site->run->out);
+    JsonObject *plan = json_object_get_object_member(object_of(here), "plan");
+    g_assert_true(json_object_get_boolean_member(object_of(here), "ok"));
+    static const char *const keys[] = {"shots", "frames", "views", "lights", "bytes"};
+    for (gsize i = 0; i < G_N_ELEMENTS(keys); i++)
+        g_assert_cmpint(json_object_get_int_member(plan, keys[i]), ==,
+                        json_object_get_int_member(object_of(there), keys[i]));
+    g_free(does(site, 200, "api/v1/files/session/start?session=other"));
+    wait_for(site, "\"state\": \"done\"");
+    g_autofree char *other = g_build_filename(site->run->directory, "other.session", NULL);
+    g_assert_true(g_file_test(other, G_FILE_TEST_IS_DIR));
+    operator_does(site->run, 0, "verify", other, NULL);
+    g_autofree char *sessions = look(site, "api/v1/sessions");
+    assert_has(sessions, "\"name\": \"other\"");
+    /* The same directory again: the plan and the daemon say no. */
+    g_autofree char *twice = does(site, 200, "api/v1/files/session/plan?session=other");
+    assert_has(twice, "\"ok\": false");
+    g_free(does(site, 409, "api/v1/files/session/start?session=other"));
+    site_free(site);
+}
+
+/* Names that lead out of the folder, links, files that are no text: nothing is read or made. */
+TEST(stays_in_the_folder) {
+    static const char *const names[] = {"..%2f0%2fsession",
+                                        "..",
+                                        ".",
+                                        ".hidden",
+                                        "%2e%2e",
+                                        "%2fetc%2fpasswd",
+                                        "a%2fb",
+                                        "",
+                                        "link",
+                                        "fifo",
+                                        "large",
+                                        "binary",
+                                        "nothing",
+                                        "folder",
+                                        "a%0ab",
+                                        "%ff"};
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS, NULL);
+    const char *directory = site->run->directory;
+    g_autofree char *link = g_build_filename(directory, "link.conf", NULL);
+    g_autofree char *fifo = g_build_filename(directory, "fifo.conf", NULL);
+    g_autofree char *large = g_build_filename(directory, "large.conf", NULL);
+    g_autofree char *binary = g_build_filename(directory, "binary.conf", NULL);
+    g_autofree char *folder = g_build_filename(directory, "folder.conf", NULL);
+    g_autofree char *hidden = g_build_filename(directory, ".hidden.conf", NULL);
+    g_autofree char *other = g_build_filename(directory, "link.session", NULL);
+    g_autofree char *much = g_strnfill(300 << 10, '\n');
+    g_autofree char *text = NULL;
+    g_assert_cmpint(symlink(site->run->conf, link), ==, 0);
+    g_assert_cmpint(symlink("/tmp", other), ==, 0);
+    g_assert_cmpint(mkfifo(fifo, 0600), ==, 0);
+    g_assert_cmpint(g_mkdir(folder, 0700), ==, 0);
+    g_assert_true(g_file_get_contents(site->run->conf, &text, NULL, NULL));
+    g_assert_true(g_file_set_contents(hidden, text, -1, NULL));
+    g_autofree char *long_text = g_strconcat(text, much, NULL);
+    g_assert_true(g_file_set_contents(large, long_text, -1, NULL));
+    g_assert_true(g_file_set_contents(binary, "[session]\n\0\xff", 12, NULL));
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
+        static const char *const forms[] = {"api/v1/files/%s/plan", "api/v1/files/%s/start",
+                                            "api/v1/files/%s/queue", "api/v1/sessions/%s/resume",
+                                            "api/v1/files/session/start?session=%s"};
+        for (gsize k = 0; k < G_N_ELEMENTS(forms); k++) {
+            /* As the name of a new session a name of a file is allowed. */
+            if (k == 4 && i >= 8 && i < 14)
+                continue;
+            g_autofree char *path = g_strdup_printf(forms[k], names[i]), *said = NULL;
+            const guint status = site_ask(site, "POST", path, RIGHT, &said);
+            g_test_message("%s: %u %s", path, status, said);
+            g_assert_true(status == 404 || status == 400 || status == 405);
+        }
+    }
+    g_autofree char *files = look(site, "api/v1/files");
+    g_assert_cmpint(strstr(files, "\"name\"") == g_strrstr(files, "\"name\""), ==, TRUE);
+    g_autofree char *sessions = look(site, "api/v1/sessions");
+    g_assert_null(strstr(sessions, "link"));
+    /* The directory of a session that is a link: the daemon sees that something is there. */
+    g_free(does(site, 409, "api/v1/files/session/start?session=link"));
+    g_autofree char *state = look(site, "api/v1/state");
+    assert_has(state, "\"state\": \"idle\"");
+    site_free(site);
+}
+
+TEST(refuses) {
+    static const char *const paths[] = {
+        "files/session/plan", "files/session/start", "files/session/queue", "sessions/small/resume",
+        "queue/pause",        "queue/resume",        "queue/1/remove",      "queue/1/move?place=1"};
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
+    struct site *shows = site_new(SITE_RIG | SITE_SESSIONS | SITE_SHOWS, NULL);
+    struct site *bare = site_new(SITE_RIG, NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(paths); i++) {
+        g_autofree char *path = g_strconcat("api/v1/", paths[i], NULL);
+        g_assert_cmpuint(site_ask(site, "POST", path, NULL, NULL), ==, 401);
+        g_assert_cmpuint(site_ask(site, "GET", path, RIGHT, NULL), ==, 405);
+        g_assert_cmpuint(site_ask(site, "POST", path, "Origin: http://evil.example", NULL), ==,
+                         403);
+        g_assert_cmpuint(site_ask(site, "POST", path, "Host: evil.example", NULL), ==, 421);
+        g_assert_cmpuint(site_ask(shows, "POST", path, RIGHT, NULL), ==, 403);
+    }
+    g_free(does(bare, 404, "api/v1/files/session/plan"));
+    g_autofree char *none = look(bare, "api/v1/files");
+    assert_has(none, "\"folder\": false");
+    g_free(does(site, 400, "api/v1/files/session/start?process=2"));
+    g_free(does(site, 400, "api/v1/queue/1/move?place=0"));
+    g_free(does(site, 404, "api/v1/queue/x/remove"));
+    g_free(does(site, 409, "api/v1/queue/7/remove"));
+    g_autofree char *state = look(site, "api/v1/state");
+    assert_has(state, "\"state\": \"idle\"");
+    site_free(site);
+    site_free(shows);
+    site_free(bare);
+}
+
+TEST(queues) {
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
+    g_free(does(site, 200, "api/v1/queue/pause"));
+    wait_for(site, "\"queue_state\": \"paused\"");
+    g_autofree char *first = does(site, 200, "api/v1/files/session/queue?session=a&yes=1");
+    assert_has(first, "{\"number\": 1}");
+    g_free(does(site, 200, "api/v1/files/session/queue?session=b&yes=1"));
+    g_free(does(site, 200, "api/v1/queue/2/move?place=1"));
+    g_free(does(site, 200, "api/v1/queue/1/remove"));
+    g_free(does(site, 200, "api/v1/queue/resume"));
+    g_autofree char *b = g_build_filename(site->run->directory, "b.session", NULL);
+    wait_for(site, "\"queue_state\": \"empty\"");
+    operator_does(site->run, 0, "verify", b, NULL);
+    site_free(site);
+}
+
+static void press(Browser *browser, const char *id) {
+    g_autofree char *enabled =
+        g_strdup_printf("!document.getElementById('%s').disabled && "
+                        "document.getElementById('%s').offsetParent !== null",
+                        id, id);
+    g_autofree char *click = g_strdup_printf("document.getElementById('%s').click()", id);
+    browser_wait(browser, enabled);
+    g_free(browser_value(browser, click));
+}
+
+/* Types the token. */
+static void unlock(Browser *browser) {
+    press(browser, "unlock");
+    g_free(browser_value(browser, "(document.getElementById('token').value = '" SITE_TOKEN
+                                  "', document.getElementById('token-form').requestSubmit())"));
+    browser_wait(browser, "document.getElementById('unlock').hidden");
+}
+
+/* From the page alone: a plan, a capture, a session in the queue. On a desktop, then on a phone. */
+static void capture_from_page(int width, int height) {
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
+    Browser *browser = browser_new(width, height);
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.getElementById('state').textContent == 'idle'");
+    browser_wait(browser, "document.getElementById('file').value == 'session'");
+    browser_wait(browser, "document.getElementById('plan').disabled");
+    unlock(browser);
+    browser_wait(browser, "document.getElementById('start').disabled");
+    press(browser, "plan");
+    browser_wait(browser, "/Time.*On disk.*Shots13/.test("
+                          "document.querySelector('#plan-answer dl')?.textContent)");
+    /* Another name needs another plan. */
+    g_free(browser_value(
+        browser, "(document.getElementById('session-name').value = 'from page', "
+                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    browser_wait(browser, "document.getElementById('start').disabled");
+    press(browser, "plan");
+    press(browser, "start");
+    browser_wait(browser, "document.getElementById('state').textContent == 'done'");
+    browser_wait(browser, "document.getElementById('sessions').textContent.includes('from page')");
+    g_autofree char *made = g_build_filename(site->run->directory, "from page.session", NULL);
+    operator_does(site->run, 0, "verify", made, NULL);
+    press(browser, "queue-pause");
+    browser_wait(browser, "document.getElementById('queue-pause').disabled");
+    g_free(browser_value(
+        browser, "(document.getElementById('session-name').value = 'queued', "
+                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    press(browser, "plan");
+    press(browser, "enqueue");
+    browser_wait(browser, "document.querySelectorAll('#queue li').length == 1");
+    g_free(browser_value(browser, "document.querySelector('#queue button').click()"));
+    browser_wait(browser, "document.querySelectorAll('#queue li').length == 0");
+    /* A mistake is shown, and Start stays disabled. */
+    g_free(browser_value(
+        browser, "(document.getElementById('session-name').value = 'from page', "
+                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    press(browser, "plan");
+    browser_wait(browser, "document.querySelector('#plan-answer .mistakes') && "
+                          "document.getElementById('start').disabled");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    browser_wait(browser, "document.getElementById('answer').textContent == ''");
+    browser_free(browser);
+    site_free(site);
+}
+
+TEST(page_on_a_desktop) {
+    capture_from_page(1280, 900);
+}
+
+TEST(page_on_a_phone) {
+    capture_from_page(390, 844);
+}
+
+TESTS_RUN_BY(operator_tests);
+
+BEFORE_TESTS {
+    /* So that tests/lsan.supp knows libsoup's functions, which keep no frame pointers. */
+    g_setenv("ASAN_OPTIONS", "fast_unwind_on_malloc=0", TRUE);
+}
