@@ -296,7 +296,8 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
     } files[] = {{"/", "index.html", "text/html; charset=utf-8"},
                  {"/style.css", "style.css", "text/css; charset=utf-8"},
                  {"/app.js", "app.js", "text/javascript; charset=utf-8"},
-                 {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"}};
+                 {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"},
+                 {"/hands.js", "hands.js", "text/javascript; charset=utf-8"}};
     if (!admit(data, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {

@@ -1,6 +1,7 @@
 #include "web_tasks.h"
 
 #include "web_files.h"
+#include "web_hands.h"
 #include "web_queue.h"
 
 #include <string.h>
@@ -11,6 +12,8 @@ static const struct web_task_path paths[] = {
     {"sessions", NULL, FALSE, web_files_sessions}, {"sessions/", "/resume", TRUE, web_files_resume},
     {"queue/pause", NULL, TRUE, web_queue_pause},  {"queue/resume", NULL, TRUE, web_queue_resume},
     {"queue/", "/remove", TRUE, web_queue_remove}, {"queue/", "/move", TRUE, web_queue_move},
+    {"lamps/", "/on", TRUE, web_hands_lamp_on},    {"lamps/", "/off", TRUE, web_hands_lamp_off},
+    {"lasers/", "/on", TRUE, web_hands_laser_on},  {"lasers/", "/off", TRUE, web_hands_laser_off},
 };
 
 const struct web_task_path *web_tasks_find(const char *path, char **ret_name) {

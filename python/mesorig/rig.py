@@ -166,3 +166,18 @@ class Rig:
     def move_in_queue(self, number: int, place: int) -> None:
         """Moves a session that waits to another place among those that wait, from 1."""
         self._command(("queue", str(number), "move"), place=place)
+
+    def lamp(self, name: str, for_s: float) -> None:
+        """Switches a lamp on for for_s seconds, at most 15, and returns when it is stable. The same call begins this
+        time again. With 0 s it switches the lamp off."""
+        self._light("lamps", name, for_s)
+
+    def laser(self, name: str, for_s: float) -> None:
+        """The same for a laser."""
+        self._light("lasers", name, for_s)
+
+    def _light(self, kind: str, name: str, for_s: float) -> None:
+        if for_s > 0:
+            self._command((kind, name, "on"), for_s=for_s)
+        else:
+            self._command((kind, name, "off"))

@@ -333,20 +333,24 @@ function addEvent(event) {
 
 // --- actions
 
-// Sends a command. Returns the answer of the server, or null if it was refused. The page then says why.
-async function act(name) {
+// Sends a command. Returns whether it was accepted, and the answer of the server, which says why if it was not.
+async function send(name) {
   const token = sessionStorage.getItem("token");
-  text("answer", "");
-  text("done", "");
   const answer = await fetch(api + name, {
     method: "POST", headers: token ? { Authorization: `Bearer ${token}` } : {}
-  }).catch(error => ({ ok: false, json: () => ({ error: String(error) }) }));
+  }).catch(error => ({ ok: false, json: async () => ({ error: String(error) }) }));
   const told = await answer.json().catch(() => ({ error: "the answer of the server is not JSON" }));
-  if (answer.ok) {
-    if (name === "safe") showSafe(told);
-    return told;
-  }
   if (answer.status === 401) sessionStorage.removeItem("token");
+  return { ok: answer.ok, told };
+}
+
+// Sends a command. Returns the answer of the server, or null if it was refused. The page then says why.
+async function act(name) {
+  text("answer", "");
+  text("done", "");
+  const { ok, told } = await send(name);
+  if (ok && name === "safe") showSafe(told);
+  if (ok) return told;
   text("answer", told.error);
   showState();
   return null;

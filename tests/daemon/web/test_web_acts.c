@@ -9,6 +9,7 @@
 
 #include <glib/gstdio.h>
 #include <json-glib/json-glib.h>
+#include <signal.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -40,16 +41,22 @@ static char *look(const struct site *site, const char *path) {
     return text;
 }
 
-static void wait_for(const struct site *site, const char *words) {
+/* Waits until the state has these words or, if has is FALSE, does not have them. */
+static void wait_until(const struct site *site, const char *words, gboolean has) {
     g_autofree char *text = NULL;
     for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
         g_free(text);
         text = look(site, "api/v1/state");
-        if (strstr(text, words))
+        if ((strstr(text, words) != NULL) == has)
             return;
         g_usleep(G_USEC_PER_SEC / 10);
     }
-    g_error("within %d s the state did not have %s: %s", SITE_WAIT_S, words, text);
+    g_error("within %d s the state %s %s: %s", SITE_WAIT_S, has ? "did not have" : "had", words,
+            text);
+}
+
+static void wait_for(const struct site *site, const char *words) {
+    wait_until(site, words, TRUE);
 }
 
 /* A session file is listed, planned as `mesorig plan` does, captured, and resumed. */
@@ -148,9 +155,18 @@ TEST(stays_in_the_folder) {
 }
 
 TEST(refuses) {
-    static const char *const paths[] = {
-        "files/session/plan", "files/session/start", "files/session/queue", "sessions/small/resume",
-        "queue/pause",        "queue/resume",        "queue/1/remove",      "queue/1/move?place=1"};
+    static const char *const paths[] = {"files/session/plan",
+                                        "files/session/start",
+                                        "files/session/queue",
+                                        "sessions/small/resume",
+                                        "queue/pause",
+                                        "queue/resume",
+                                        "queue/1/remove",
+                                        "queue/1/move?place=1",
+                                        "lamps/lamp30/on?for_s=5",
+                                        "lamps/lamp30/off",
+                                        "lasers/laser30/on?for_s=5",
+                                        "lasers/laser30/off"};
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
     struct site *shows = site_new(SITE_RIG | SITE_SESSIONS | SITE_SHOWS, NULL);
     struct site *bare = site_new(SITE_RIG, NULL);
@@ -170,6 +186,12 @@ TEST(refuses) {
     g_free(does(site, 400, "api/v1/queue/1/move?place=0"));
     g_free(does(site, 404, "api/v1/queue/x/remove"));
     g_free(does(site, 409, "api/v1/queue/7/remove"));
+    g_free(does(site, 400, "api/v1/lamps/lamp30/on"));
+    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=16"));
+    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=nan"));
+    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=0"));
+    g_free(does(site, 409, "api/v1/lamps/nobody/on?for_s=5"));
+    g_free(does(site, 404, "api/v1/lamps/%ff/on?for_s=5"));
     g_autofree char *state = look(site, "api/v1/state");
     assert_has(state, "\"state\": \"idle\"");
     site_free(site);
@@ -190,6 +212,57 @@ TEST(queues) {
     g_autofree char *b = g_build_filename(site->run->directory, "b.session", NULL);
     wait_for(site, "\"queue_state\": \"empty\"");
     operator_does(site->run, 0, "verify", b, NULL);
+    site_free(site);
+}
+
+/* Waits until the device of this class has this health. */
+static void wait_for_health(const struct site *site, const char *class_name, const char *health) {
+    g_autofree char *wanted = g_strdup_printf("\"class\": \"%s\"", class_name);
+    for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
+        g_autofree char *text = look(site, "api/v1/state");
+        g_autoptr(JsonParser) parser = parsed(text);
+        JsonArray *devices = json_object_get_array_member(object_of(parser), "devices");
+        for (guint k = 0; k < json_array_get_length(devices); k++) {
+            JsonObject *device = json_array_get_object_element(devices, k);
+            if (g_str_equal(json_object_get_string_member(device, "class"), class_name) &&
+                g_str_equal(json_object_get_string_member(device, "health"), health))
+                return;
+        }
+        g_usleep(G_USEC_PER_SEC / 20);
+    }
+    g_error("within %d s no %s was “%s”", SITE_WAIT_S, class_name, health);
+}
+
+/* A light goes off by command, at the end of its lease, in the safe state, and when the server
+ * ends. */
+TEST(lights) {
+    struct site *site = site_new(SITE_RIG, NULL);
+    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    wait_for_health(site, "lamps", "1 on");
+    g_free(does(site, 200, "api/v1/lamps/lamp30/off"));
+    wait_for_health(site, "lamps", "off");
+    const gint64 begun = g_get_monotonic_time();
+    g_free(does(site, 200, "api/v1/lasers/laser30/on?for_s=1"));
+    wait_for_health(site, "laser", "on");
+    g_free(does(site, 200, "api/v1/lasers/laser30/on?for_s=2"));
+    wait_for_health(site, "laser", "off");
+    /* laser60 was off all the time: ask until both are. */
+    wait_until(site, "\"health\": \"on\"", FALSE);
+    g_assert_cmpint(g_get_monotonic_time() - begun, >=, 2 * G_USEC_PER_SEC);
+    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_assert_cmpuint(site_ask(site, "POST", "api/v1/safe", NULL, NULL), ==, 200);
+    wait_for_health(site, "lamps", "off");
+    g_free(does(site, 409, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_free(does(site, 200, "api/v1/release"));
+    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_subprocess_send_signal(site->server, SIGTERM);
+    g_subprocess_wait(site->server, NULL, NULL);
+    operator_does(site->run, 0, "status", "--address", site->bus, NULL);
+    for (int i = 0; i < 20 && strstr(site->run->out, "1 on"); i++) {
+        g_usleep(G_USEC_PER_SEC / 10);
+        operator_does(site->run, 0, "status", "--address", site->bus, NULL);
+    }
+    g_assert_null(strstr(site->run->out, "1 on"));
     site_free(site);
 }
 
@@ -254,6 +327,50 @@ static void capture_from_page(int width, int height) {
                           "document.getElementById('start').disabled");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     browser_wait(browser, "document.getElementById('answer').textContent == ''");
+    browser_free(browser);
+    site_free(site);
+}
+
+/* A lamp from the page: on, renewed beyond its lease, off; off when the page is left or a capture
+ * begins; and off at the end of the lease when the renewals do not arrive. */
+TEST(lights_of_the_page) {
+    struct site *site = site_new(SITE_RIG | SITE_SESSIONS, NULL);
+    Browser *browser = browser_new(390, 844);
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
+    browser_wait(browser, "document.getElementById('light-on').disabled");
+    unlock(browser);
+    press(browser, "light-on");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
+    wait_for_health(site, "lamps", "1 on");
+    g_usleep(11 * G_USEC_PER_SEC); /* longer than both leases */
+    wait_for_health(site, "lamps", "1 on");
+    press(browser, "light-off");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is off.'");
+    wait_for_health(site, "lamps", "off");
+    press(browser, "light-on");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
+    browser_open(browser, "about:blank");
+    wait_for_health(site, "lamps", "off");
+    /* Renewals that the server does not get, and a page that cannot say “off”. */
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
+    press(browser, "light-on");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
+    g_free(browser_value(browser, "(window.fetch = () => new Promise(() => {}), 1)"));
+    wait_for_health(site, "lamps", "off");
+    /* The safe state by the button, while a light is on. */
+    browser_open(browser, "about:blank");
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
+    press(browser, "light-on");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
+    press(browser, "safe");
+    wait_for_health(site, "lamps", "off");
+    browser_wait(browser, "document.getElementById('light-on').disabled && "
+                          "document.getElementById('light-off').disabled && "
+                          "!document.getElementById('safe').disabled");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     browser_free(browser);
     site_free(site);
 }
