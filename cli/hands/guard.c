@@ -93,13 +93,13 @@ static void judge_calibration(struct guard *guard) {
              lacks->str);
 }
 
-static Frame *snap(struct guard *guard, int camera, double exposure_us, struct picture_report *ret,
+static Frame *snap(struct guard *guard, int camera, double exposure_us, struct picture_values *ret,
                    GError **error) {
     Frame *frame = trial_snap(&guard->trial, camera, exposure_us, FALSE, error);
     if (!frame)
         return NULL;
     guard->seen[camera].bits = frame->bits;
-    *ret = picture_report(frame);
+    *ret = picture_values(frame);
     return frame;
 }
 
@@ -115,7 +115,7 @@ static gboolean take_darks(struct guard *guard, GError **error) {
     guard->n_shots++;
     for (int i = 0; i < guard->trial.n_cameras; i++) {
         const int c = guard->trial.cameras[i];
-        struct picture_report report;
+        struct picture_values report;
         g_autoptr(Frame) frame = snap(guard, c, longest_exposure_us(guard), &report, error);
         if (!frame)
             return FALSE;
@@ -169,7 +169,7 @@ static void compare_shot(struct guard *guard, guint from) {
  * shot. Returns 0 if none was found. */
 static double find_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
-    struct picture_report report;
+    struct picture_values report;
     /* The camera may not support such a short exposure. Then the test shot fails. */
     g_autoptr(Frame) frame = snap(guard, camera, us, &report, NULL);
     const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
@@ -181,7 +181,7 @@ static double find_shorter_us(struct guard *guard, int camera) {
 static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **error) {
     const struct session_conf *conf = guard->trial.conf;
     struct seen *seen = &guard->seen[camera];
-    struct picture_report longest, shortest;
+    struct picture_values longest, shortest;
     g_autoptr(Frame) bright = snap(guard, camera, longest_exposure_us(guard), &longest, error);
     g_autoptr(Frame) dim =
         bright ? snap(guard, camera, conf->exposures_us[0], &shortest, error) : NULL;

@@ -1,29 +1,13 @@
-/* Measures exposure and focus of a camera's frame, and writes the frame to a file. */
+/* Describes a camera's frame, and writes the frame to a file. */
 #pragma once
 
+#include "capture/picture_values.h"
 #include "common/record.h"
 #include "drivers/frame.h"
 
-#define PICTURE_BINS 64
-
-struct picture_report {
-    double mean_dn, max_dn;
-    double high_dn;   /* 99th percentile */
-    double saturated; /* part of the pixels that have the value 2^bits − 1 */
-    double dark;      /* part of the pixels whose value above black is below 1/256 of the range */
-    double focus;     /* see below; 0 if the frame is dark */
-    guint bins[PICTURE_BINS]; /* number of pixels in equal parts of the range 0 … 2^bits − 1 */
-};
-
-/* Measures a frame. focus is the RMS of the Laplacian 4 I(x, y) − I(x ± s, y) − I(x, y ± s),
- * divided by the mean of I. I is the value above black. s is 2 behind a colour filter, otherwise 1.
- * (Pech-Pacheco et al. 2000 use the variance of the Laplacian.) focus grows as the picture becomes
- * sharper. It can only be compared between pictures of the same scale under the same light. */
-struct picture_report picture_report(const Frame *frame);
-
 /* Adds the values to the record, with a text of three lines. */
 void picture_report_tell(Record *to, const char *camera, const Frame *frame,
-                         const struct picture_report *report);
+                         const struct picture_values *report);
 
 /* Writes a picture. A .png file has 8 bits, in sRGB with the 99th percentile as white. An .exr file
  * has the sensor's values in DN. */

@@ -33,7 +33,7 @@ struct trial {
     struct rig rig;
     struct test_report report;
     gboolean dark_known[RIG_MAX_CAMERAS];
-    struct picture_report dark[RIG_MAX_CAMERAS];
+    struct picture_values dark[RIG_MAX_CAMERAS];
     double most_dn[RIG_MAX_CAMERAS]; /* rise of the picture that the report has of the camera */
     int n, n_good;
 };
@@ -126,7 +126,7 @@ static void try_camera(struct trial *trial, int i, const char *driver) {
         return;
     }
     trial->dark_known[i] = TRUE;
-    trial->dark[i] = picture_report(frame);
+    trial->dark[i] = picture_values(frame);
     struct test_picture *picture = test_report_add_picture(&trial->report, name, NULL, frame);
     if (second)
         picture->noise_dn = test_noise_dn(frame, second);
@@ -148,7 +148,7 @@ static void look(struct trial *trial, gboolean laser, struct test_result *result
         g_autoptr(Frame) frame = hand_snap(trial->link, camera, exposure_us, 0, error);
         if (!frame)
             return;
-        const struct picture_report lit = picture_report(frame), *dark = &trial->dark[i];
+        const struct picture_values lit = picture_values(frame), *dark = &trial->dark[i];
         const double rise_dn = laser ? lit.max_dn - dark->max_dn : lit.mean_dn - dark->mean_dn;
         ++*ret_asked;
         *ret_saw += rise_dn > (laser ? LASER_PART : LAMP_PART) * ((1 << frame->bits) - 1);

@@ -85,7 +85,7 @@ static int run_snap(const struct call *call, GError **error) {
     g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);
     if (!frame || !set_lights(link, FALSE, error) || (to && !snap_write(to, camera, frame, error)))
         return CLI_FAILED;
-    const struct picture_report report = picture_report(frame);
+    const struct picture_values report = picture_values(frame);
     if (!cli_json)
         show(frame, picture_way(STDOUT_FILENO));
     picture_report_tell(call->record, camera, frame, &report);
@@ -112,7 +112,7 @@ static gboolean show_next(Link *link, const char *camera, enum picture_way way, 
     g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);
     if (!frame)
         return FALSE;
-    const struct picture_report report = picture_report(frame);
+    const struct picture_values report = picture_values(frame);
     g_autoptr(Record) record = record_new();
     picture_report_tell(record, camera, frame, &report);
     if (way != PICTURE_NOT && !cli_json) {

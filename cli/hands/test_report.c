@@ -74,7 +74,7 @@ struct test_picture *test_report_add_picture(struct test_report *report, const c
     g_free(picture->light);
     picture->light = g_strdup(light);
     picture->frame = frame_ref(frame);
-    picture->report = picture_report(frame);
+    picture->report = picture_values(frame);
     return picture;
 }
 
@@ -266,7 +266,7 @@ static void add_histogram(GString *to, const struct test_picture *picture) {
 
 static void add_picture(GString *to, const struct test_picture *picture) {
     const Frame *frame = picture->frame;
-    const struct picture_report *report = &picture->report;
+    const struct picture_values *report = &picture->report;
     int width, height;
     g_autofree guint8 *rgb = NULL;
     thumbnail_make_sized(frame, PICTURE_SIDE, &width, &height, &rgb);

@@ -30,7 +30,7 @@ struct test_result {
 struct test_picture {
     char *camera, *light; /* light that was on, or NULL */
     Frame *frame;
-    struct picture_report report;
+    struct picture_values report;
     double noise_dn; /* RMS of a pixel in the dark, from two pictures; NAN if it is not known */
 };
 

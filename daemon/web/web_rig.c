@@ -522,6 +522,37 @@ void web_rig_call_with(WebRig *rig, const char *method, GVariant *parameters, We
                       rig->cancellable, on_called, action);
 }
 
+struct file_action {
+    WebRigFiles back;
+    gpointer data;
+};
+
+static void on_files(GObject *proxy, GAsyncResult *result, gpointer data) {
+    g_autofree struct file_action *action = data;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GUnixFDList) files = NULL;
+    g_autoptr(GVariant) answer =
+        g_dbus_proxy_call_with_unix_fd_list_finish(G_DBUS_PROXY(proxy), &files, result, &error);
+    if (error)
+        g_dbus_error_strip_remote_error(error);
+    action->back(answer, files, error, action->data);
+}
+
+void web_rig_call_files(WebRig *rig, const char *method, GVariant *parameters, WebRigFiles back,
+                        gpointer data) {
+    g_autoptr(GError) away = refuse_away(rig);
+    if (away) {
+        g_variant_unref(g_variant_ref_sink(parameters));
+        back(NULL, NULL, away, data);
+        return;
+    }
+    struct file_action *action = g_new(struct file_action, 1);
+    *action = (struct file_action){back, data};
+    g_dbus_proxy_call_with_unix_fd_list(G_DBUS_PROXY(rig->rig), method, parameters,
+                                        G_DBUS_CALL_FLAGS_NONE, -1, NULL, rig->cancellable,
+                                        on_files, action);
+}
+
 static void count(const guint8 *rgb, gsize n, const char *camera, double time_s, guint width,
                   guint height, struct web_picture *picture) {
     GVariantBuilder to, histogram;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <gio/gio.h>
+#include <gio/gunixfdlist.h>
 
 typedef struct WebRig WebRig;
 
@@ -45,6 +46,13 @@ void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer dat
 /* The same for a method with arguments. parameters is a tuple and may be floating. */
 void web_rig_call_with(WebRig *rig, const char *method, GVariant *parameters, WebRigDone back,
                        gpointer data);
+
+/* The same for a method that also sends files. The files belong to the list; files is NULL if error
+ * is set. */
+typedef void (*WebRigFiles)(GVariant *answer, GUnixFDList *files, const GError *error,
+                            gpointer data);
+void web_rig_call_files(WebRig *rig, const char *method, GVariant *parameters, WebRigFiles back,
+                        gpointer data);
 
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {

@@ -3,6 +3,7 @@
 #include "base/json.h"
 #include "web_door.h"
 #include "web_origin.h"
+#include "web_snaps.h"
 #include "web_tasks.h"
 
 #include <string.h>
@@ -33,6 +34,7 @@ struct WebServer {
     WebRig *rig;
     char *token;
     gboolean safe_needs_token;
+    WebSnaps *snaps;
     char *sessions;     /* folder of sessions; NULL if there is none */
     char *address;      /* address on which the server listens */
     GPtrArray *origins; /* of char *: origins of the server's names (web_origin.h) */
@@ -297,7 +299,8 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
                  {"/style.css", "style.css", "text/css; charset=utf-8"},
                  {"/app.js", "app.js", "text/javascript; charset=utf-8"},
                  {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"},
-                 {"/hands.js", "hands.js", "text/javascript; charset=utf-8"}};
+                 {"/hands.js", "hands.js", "text/javascript; charset=utf-8"},
+                 {"/snaps.js", "snaps.js", "text/javascript; charset=utf-8"}};
     if (!admit(data, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
@@ -542,7 +545,8 @@ static void do_task(WebServer *server, SoupServerMessage *message, const struct 
         return;
     if (path->acts)
         web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
-    path->run(&(struct web_task){server->rig, server->sessions, name, query, on_task, waiting});
+    path->run(&(struct web_task){server->rig, server->sessions, server->snaps, name, query, on_task,
+                                 waiting});
 }
 
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
@@ -624,6 +628,7 @@ WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError
     server->token = g_strdup(options->token);
     server->safe_needs_token = options->safe_needs_token;
     server->sessions = g_strdup(options->sessions);
+    server->snaps = web_snaps_new();
     server->calls = g_rc_box_new0(int);
     server->address = g_strdup(options->address ? options->address : "127.0.0.1");
     server->origins = g_ptr_array_new_with_free_func(g_free);
@@ -659,6 +664,7 @@ void web_server_free(WebServer *server) {
     g_object_unref(server->soup);
     g_ptr_array_unref(server->streams);
     g_ptr_array_unref(server->origins);
+    web_snaps_unref(server->snaps);
     g_free(server->sessions);
     g_free(server->address);
     g_free(server->token);

@@ -3,17 +3,28 @@
 #include "web_files.h"
 #include "web_hands.h"
 #include "web_queue.h"
+#include "web_snaps.h"
 
 #include <string.h>
 
 static const struct web_task_path paths[] = {
-    {"files", NULL, FALSE, web_files_list},        {"files/", "/plan", TRUE, web_files_plan},
-    {"files/", "/start", TRUE, web_files_start},   {"files/", "/queue", TRUE, web_files_queue},
-    {"sessions", NULL, FALSE, web_files_sessions}, {"sessions/", "/resume", TRUE, web_files_resume},
-    {"queue/pause", NULL, TRUE, web_queue_pause},  {"queue/resume", NULL, TRUE, web_queue_resume},
-    {"queue/", "/remove", TRUE, web_queue_remove}, {"queue/", "/move", TRUE, web_queue_move},
-    {"lamps/", "/on", TRUE, web_hands_lamp_on},    {"lamps/", "/off", TRUE, web_hands_lamp_off},
-    {"lasers/", "/on", TRUE, web_hands_laser_on},  {"lasers/", "/off", TRUE, web_hands_laser_off},
+    {"files", NULL, FALSE, web_files_list},
+    {"files/", "/plan", TRUE, web_files_plan},
+    {"files/", "/start", TRUE, web_files_start},
+    {"files/", "/queue", TRUE, web_files_queue},
+    {"sessions", NULL, FALSE, web_files_sessions},
+    {"sessions/", "/resume", TRUE, web_files_resume},
+    {"queue/pause", NULL, TRUE, web_queue_pause},
+    {"queue/resume", NULL, TRUE, web_queue_resume},
+    {"queue/", "/remove", TRUE, web_queue_remove},
+    {"queue/", "/move", TRUE, web_queue_move},
+    {"cameras/", "/snap", TRUE, web_snaps_take},
+    {"cameras/", "/snap.png", FALSE, web_snaps_png},
+    {"cameras/", "/pixels.png", FALSE, web_snaps_pixels},
+    {"lamps/", "/on", TRUE, web_hands_lamp_on},
+    {"lamps/", "/off", TRUE, web_hands_lamp_off},
+    {"lasers/", "/on", TRUE, web_hands_laser_on},
+    {"lasers/", "/off", TRUE, web_hands_laser_off},
 };
 
 const struct web_task_path *web_tasks_find(const char *path, char **ret_name) {

@@ -167,6 +167,15 @@ class Rig:
         """Moves a session that waits to another place among those that wait, from 1."""
         self._command(("queue", str(number), "move"), place=place)
 
+    def snap(self, camera: str, exposure_us: float) -> Dict[str, Any]:
+        """Takes a picture and returns values of the sensor, such as mean_dn, saturated, focus and histogram."""
+        return self._command(("cameras", camera, "snap"), exposure_us=exposure_us)
+
+    def snap_picture(self, camera: str) -> bytes:
+        """That picture in 8 bits, brightness adjusted, as a PNG file."""
+        with self._open("cameras/%s/snap.png" % urllib.parse.quote(camera, safe="")) as answer:
+            return answer.read()
+
     def lamp(self, name: str, for_s: float) -> None:
         """Switches a lamp on for for_s seconds, at most 15, and returns when it is stable. The same call begins this
         time again. With 0 s it switches the lamp off."""

@@ -303,7 +303,7 @@ async function loadPicture(name) {
     fill: colours[c], "fill-opacity": 0.5 })));
   camera.caption.replaceChildren(element("strong", "", name),
     ` ${told.width} × ${told.height}, `,
-    "brightened for this page, also in the histogram; “mesorig snap” shows the camera's values");
+    `brightened for this page, also in the histogram; ${acts ? "Live view" : "“mesorig snap”"} shows the camera's values`);
 }
 
 // --- course and events

@@ -166,7 +166,8 @@ TEST(refuses) {
                                         "lamps/lamp30/on?for_s=5",
                                         "lamps/lamp30/off",
                                         "lasers/laser30/on?for_s=5",
-                                        "lasers/laser30/off"};
+                                        "lasers/laser30/off",
+                                        "cameras/cam30/snap?exposure_us=4000"};
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
     struct site *shows = site_new(SITE_RIG | SITE_SESSIONS | SITE_SHOWS, NULL);
     struct site *bare = site_new(SITE_RIG, NULL);
@@ -192,6 +193,9 @@ TEST(refuses) {
     g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=0"));
     g_free(does(site, 409, "api/v1/lamps/nobody/on?for_s=5"));
     g_free(does(site, 404, "api/v1/lamps/%ff/on?for_s=5"));
+    g_free(does(site, 409, "api/v1/cameras/nobody/snap?exposure_us=4000"));
+    g_free(does(site, 404, "api/v1/cameras/%ff/snap?exposure_us=4000"));
+    g_free(does(site, 400, "api/v1/cameras/cam30/snap?exposure_us=-1"));
     g_autofree char *state = look(site, "api/v1/state");
     assert_has(state, "\"state\": \"idle\"");
     site_free(site);
@@ -263,6 +267,45 @@ TEST(lights) {
         operator_does(site->run, 0, "status", "--address", site->bus, NULL);
     }
     g_assert_null(strstr(site->run->out, "1 on"));
+    site_free(site);
+}
+
+/* The values are those that `mesorig snap` prints, and the pixels are those of its file. */
+TEST(pictures) {
+    static const char *const keys[] = {"mean_dn", "max_dn", "focus"};
+    struct site *site = site_new(SITE_RIG, NULL);
+    g_autofree char *none = NULL, *png = NULL, *pixels = NULL;
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam30/snap.png", NULL, NULL), ==, 404);
+    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_autofree char *said = does(site, 200, "api/v1/cameras/cam30/snap?exposure_us=4000");
+    g_free(does(site, 200, "api/v1/lamps/lamp30/off"));
+    g_autoptr(JsonParser) here = parsed(said);
+    operator_does(site->run, 0, "snap", "--address", site->bus, "cam30", "-e", "4000", "--lamp",
+                  "lamp30", "--json", NULL);
+    g_autoptr(JsonParser) there = parsed(site->run->out);
+    for (gsize i = 0; i < G_N_ELEMENTS(keys); i++) {
+        const double a = json_object_get_double_member(object_of(here), keys[i]);
+        const double b = json_object_get_double_member(object_of(there), keys[i]);
+        g_test_message("%s: %g, %g", keys[i], a, b);
+        g_assert_cmpfloat(b, >, 0);
+        g_assert_cmpfloat_with_epsilon(a / b, 1, 0.1); /* the noise differs */
+    }
+    JsonArray *histogram = json_object_get_array_member(object_of(here), "histogram");
+    gint64 sum = 0;
+    for (guint i = 0; i < json_array_get_length(histogram); i++)
+        sum += json_array_get_int_element(histogram, i);
+    g_assert_cmpint(sum, ==, 32 * 32);
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam30/snap.png", NULL, &png), ==, 200);
+    g_assert_cmpmem(png, 4, "\x89PNG", 4);
+    g_assert_cmpuint(
+        site_ask(site, "GET", "api/v1/cameras/cam30/pixels.png?x=9&y=65536", NULL, &pixels), ==,
+        200);
+    g_assert_cmpmem(pixels, 4, "\x89PNG", 4);
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam30/pixels.png?x=-1&y=0", NULL, NULL),
+                     ==, 400);
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam30/pixels.png?x=nan&y=0", NULL, NULL),
+                     ==, 400);
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam60/snap.png", NULL, NULL), ==, 404);
     site_free(site);
 }
 
@@ -370,6 +413,33 @@ TEST(lights_of_the_page) {
     browser_wait(browser, "document.getElementById('light-on').disabled && "
                           "document.getElementById('light-off').disabled && "
                           "!document.getElementById('safe').disabled");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    browser_free(browser);
+    site_free(site);
+}
+
+/* A picture under a lamp that was switched on from the page. */
+TEST(live_view) {
+    struct site *site = site_new(SITE_RIG, NULL);
+    Browser *browser = browser_new(390, 844);
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.querySelectorAll('#snap-camera option').length == 2");
+    browser_wait(browser, "document.getElementById('snap').disabled");
+    unlock(browser);
+    press(browser, "snap");
+    browser_wait(browser,
+                 "/Focustoo dark/.test(document.getElementById('snap-values').textContent)");
+    press(browser, "light-on");
+    browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
+    press(browser, "snap");
+    browser_wait(browser, "/Mean[1-9]\\d* of \\d+ DN.*Focus\\d/.test("
+                          "document.getElementById('snap-values').textContent)");
+    browser_wait(browser, "['snap-picture', 'snap-pixels'].every(i => "
+                          "document.getElementById(i).complete && "
+                          "document.getElementById(i).naturalWidth > 0)");
+    browser_wait(browser, "document.getElementById('snap-pixels').naturalWidth == 32");
+    browser_wait(browser, "document.querySelectorAll('#snap-histogram path').length == 64");
+    press(browser, "light-off");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     browser_free(browser);
     site_free(site);
