@@ -1,0 +1,265 @@
+#include "codecs/neural/neural.h"
+#include "lib/damage.h"
+#include "lib/neural_fixture.h"
+#include "lib/ok.h"
+#include "lib/remove_tree.h"
+#include "lib/test.h"
+
+#include <math.h>
+#include <string.h>
+
+typedef struct neural Neural;
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Neural, neural_free)
+
+static void draw_direction(GRand *random, double ret[3]) {
+    const double theta = g_rand_double_range(random, 0, 1.4);
+    const double phi = g_rand_double_range(random, -4, 4);
+    ret[0] = sin(theta) * cos(phi);
+    ret[1] = sin(theta) * sin(phi);
+    ret[2] = cos(theta);
+}
+
+/* Compares neural_evaluate() with the formulas of neural.h. A ray that touches an edge may miss it
+ * in single precision. */
+static void assert_formula(const struct neural *neural, double allowed_misses) {
+    enum { N = 2000 };
+    struct neural_sample *samples = g_new0(struct neural_sample, N);
+    g_autofree float *colours = g_new0(float, 3 * N);
+    GRand *random = g_rand_new_with_seed(9);
+    double views[N][3], lights[N][3], brightest = 0;
+    int missed = 0;
+    for (int i = 0; i < N; i++) {
+        struct neural_sample *sample = &samples[i];
+        draw_direction(random, views[i]);
+        draw_direction(random, lights[i]);
+        sample->x = (float)g_rand_double_range(random, 0, (double)neural->layout.width);
+        sample->y = (float)g_rand_double_range(random, 0, (double)neural->layout.height);
+        if (i % 3 == 1) { /* the rays of the sample before */
+            sample->x = samples[i - 1].x;
+            sample->y = samples[i - 1].y;
+            memcpy(views[i], views[i - 1], sizeof views[i]);
+        }
+        for (int k = 0; k < 3; k++) {
+            sample->view[k] = (float)views[i][k];
+            sample->light[k] = (float)lights[i][k];
+        }
+    }
+    neural_evaluate(neural, samples, N, colours);
+    for (int i = 0; i < N; i++) {
+        double expected[3];
+        neural_formula(neural, (double)samples[i].x, (double)samples[i].y, views[i], lights[i],
+                       expected);
+        gboolean same = TRUE;
+        for (int c = 0; c < 3; c++) {
+            same =
+                same && fabs((double)colours[3 * i + c] - expected[c]) <= 1e-4 + 2e-3 * expected[c];
+            brightest = MAX(brightest, expected[c]);
+        }
+        missed += !same;
+    }
+    g_assert_cmpfloat(brightest, >, 0.1);
+    g_assert_cmpfloat(missed, <=, allowed_misses * N);
+    g_rand_free(random);
+    g_free(samples);
+}
+
+TEST(formula) {
+    g_autoptr(Neural) flat = neural_fixture_new(9, 7, 4, 0, 1);
+    g_autoptr(Neural) relief = neural_fixture_new(16, 12, 12, 1.5, 2);
+    g_autoptr(Neural) deep = neural_fixture_new(24, 24, 16, 9, 3);
+    assert_formula(flat, 0);
+    assert_formula(relief, 0.01);
+    assert_formula(deep, 0.02);
+}
+
+/* A wall of one texel, 2 texels high, seen and lit from the sides. */
+TEST(wall) {
+    g_autoptr(Neural) neural = neural_fixture_new(16, 8, 4, 1, 1);
+    const float right[3] = {sqrtf(0.5F), 0, sqrtf(0.5F)};
+    const float left[3] = {-sqrtf(0.5F), 0, sqrtf(0.5F)};
+    float dark[3], lit[3], flat[3];
+    neural->height_scale.minimum = -1; /* mm; a texel has 0.5 mm */
+    for (int i = 0; i < 32 * 16; i++)
+        neural->heights[i] = i % 32 == 16 || i % 32 == 17 ? 255 : 0;
+    /* Only the light's inputs have weights, so that the colour is S(0) shade + 0.3 S(−1). */
+    for (int row = 0; row < NEURAL_ROWS; row++) {
+        neural->rows[row] = (struct neural_scale){0, 0};
+        neural->biases[row] = 0;
+    }
+    neural_prepare(neural);
+    /* A texel left of the wall is dark if the light is right of the wall. */
+    neural_evaluate(neural, &(struct neural_sample){7, 4, {0, 0, 1}, {right[0], 0, right[2]}}, 1,
+                    dark);
+    neural_evaluate(neural, &(struct neural_sample){7, 4, {0, 0, 1}, {left[0], 0, left[2]}}, 1,
+                    lit);
+    neural_evaluate(neural, &(struct neural_sample){2, 4, {0, 0, 1}, {left[0], 0, left[2]}}, 1,
+                    flat);
+    const float none = 0.3F * log1pf(expf(-4)) / 4, full = logf(2) / 4 * sqrtf(0.5F);
+    g_assert_cmpfloat_with_epsilon(dark[0], none, 1e-4);
+    g_assert_cmpfloat_with_epsilon(lit[0], none + full, 1e-4);
+    g_assert_cmpfloat_with_epsilon(flat[0], none + full, 1e-4);
+}
+
+TEST(positions) {
+    g_autoptr(Neural) neural = neural_fixture_new(4, 2, 4, 1, 1);
+    float far[3], near[3];
+    neural_view(neural, 1, 0, far);
+    g_assert_cmpfloat_with_epsilon(far[2], cosf(25 * (float)G_PI / 180), 1e-5);
+    neural->camera_mm = g_new0(float, 3 * neural->layout.views.n);
+    neural->lamp_mm = g_new0(float, 3 * neural->layout.lights.n);
+    /* Texel (3, 0) is at (0.75, 0.25, 3) mm. */
+    neural->camera_mm[5] = 13;
+    neural->camera_mm[3] = 0.75F;
+    neural->camera_mm[4] = 0.25F - 10;
+    neural->lamp_mm[2] = 53;
+    neural_view(neural, 1, 3, near);
+    g_assert_cmpfloat_with_epsilon(near[0], 0, 1e-6);
+    g_assert_cmpfloat_with_epsilon(near[1], -sqrtf(0.5F), 1e-6);
+    g_assert_cmpfloat_with_epsilon(near[2], sqrtf(0.5F), 1e-6);
+    neural_light(neural, 0, 3, near);
+    g_assert_cmpfloat_with_epsilon(near[0] / near[2], -0.75 / 50, 1e-6);
+}
+
+/* reconstruct() at the measured directions is evaluate() at the centre of the texel. */
+TEST(reconstruct) {
+    g_autoptr(Neural) neural = neural_fixture_new(5, 4, 8, 1, 4);
+    const gsize n = neural->layout.views.n * neural->layout.lights.n;
+    g_autofree float *values = g_new0(float, 3 * n);
+    struct neural_sample sample = {2.5F, 1.5F, {0}, {0}};
+    float one[3];
+    neural_reconstruct(neural, 7, values);
+    for (gsize i = 0; i < n; i++) {
+        neural_view(neural, (int)(i / neural->layout.lights.n), 7, sample.view);
+        neural_light(neural, (int)(i % neural->layout.lights.n), 7, sample.light);
+        neural_evaluate(neural, &sample, 1, one);
+        for (gsize c = 0; c < 3; c++)
+            g_assert_cmpfloat_with_epsilon(values[3 * i + c], one[c], 1e-6);
+    }
+}
+
+TEST(halved) {
+    g_autoptr(Neural) neural = neural_fixture_new(7, 4, 4, 1, 5);
+    g_autoptr(Neural) half = neural_halved(neural);
+    g_assert_cmpint(half->layout.width, ==, 3);
+    g_assert_cmpint(half->layout.height, ==, 2);
+    g_assert_cmpint(half->level, ==, 1);
+    g_assert_cmpfloat_with_epsilon(half->layout.texel_mm, 0.5 * 7 / 3, 1e-12);
+    /* The middle of three columns covers columns 2⅓ … 4⅔ of seven. */
+    double sum = 0;
+    for (int row = 0; row < 2; row++)
+        for (int column = 2; column < 5; column++)
+            sum += neural->surface[(row * 7 + column) * 4 + 1] * (column == 3 ? 1 : 2.0 / 3);
+    g_assert_cmpint(half->surface[4 + 1], ==, lround(sum / (2 * 7.0 / 3)));
+    g_autoptr(Neural) last = neural_halved(half);
+    g_assert_cmpint(last->layout.width, ==, 1);
+    g_assert_cmpint(last->layout.height, ==, 1);
+    g_assert_null(neural_halved(last));
+    /* A level counts its texels only. */
+    g_assert_cmpint(neural_bytes(last), ==, 4 + 4);
+    g_assert_cmpint(neural_bytes(neural), >, 28 * 8 + 2 * 512 + 32 * (23 + 38));
+}
+
+static void assert_same(const struct neural *a, const struct neural *b) {
+    const gsize texels = a->layout.width * a->layout.height, channels = (gsize)a->n_channels;
+    g_assert_cmpstr(a->name, ==, b->name);
+    g_assert_cmpint(a->n_channels, ==, b->n_channels);
+    g_assert_cmpint(a->level, ==, b->level);
+    g_assert_cmpmem(a->surface, texels * channels, b->surface, texels * channels);
+    g_assert_cmpmem(a->heights, 4 * texels, b->heights, 4 * texels);
+    g_assert_cmpmem(a->halves, sizeof a->halves, b->halves, sizeof b->halves);
+    g_assert_cmpmem(a->differences, sizeof a->halves, b->differences, sizeof b->halves);
+    g_assert_cmpmem(a->weights, (gsize)neural_weights(a->n_channels), b->weights,
+                    (gsize)neural_weights(b->n_channels));
+    g_assert_cmpmem(a->rows, sizeof a->rows, b->rows, sizeof b->rows);
+    g_assert_cmpmem(a->biases, sizeof a->biases, b->biases, sizeof b->biases);
+    g_assert_cmpmem(a->surface_scales, channels * sizeof *a->surface_scales, b->surface_scales,
+                    channels * sizeof *b->surface_scales);
+    g_assert_cmpmem(&a->height_scale, sizeof a->height_scale, &b->height_scale,
+                    sizeof b->height_scale);
+    g_assert_true((a->camera_mm == NULL) == (b->camera_mm == NULL));
+    if (a->camera_mm) {
+        g_assert_cmpmem(a->camera_mm, 12 * a->layout.views.n, b->camera_mm, 12 * b->layout.views.n);
+        g_assert_cmpmem(a->lamp_mm, 12 * a->layout.lights.n, b->lamp_mm, 12 * b->layout.lights.n);
+    }
+    g_assert_true(a->error == b->error && a->luminance_error == b->luminance_error &&
+                  a->exact_error == b->exact_error);
+}
+
+static void write_small(const char *path, gboolean positions) {
+    g_autoptr(Neural) neural = neural_fixture_new(5, 3, 12, 1, 6);
+    for (gsize i = 0; positions && i < 2; i++) {
+        const gsize n = i ? neural->layout.lights.n : neural->layout.views.n;
+        float *at = g_new(float, 3 * n);
+        for (gsize k = 0; k < 3 * n; k++)
+            at[k] = 100 + 3.7F * (float)k;
+        *(i ? &neural->lamp_mm : &neural->camera_mm) = at;
+    }
+    neural->error = 0.125;
+    neural->exact_error = 0.25;
+    neural->luminance_error = 0.5;
+    g_autoptr(Neural) half = neural_halved(neural);
+    struct neural *levels[NEURAL_MAX_LEVELS] = {neural, half}, *back[NEURAL_MAX_LEVELS];
+    g_assert_true(ok(neural_write(path, levels, 2, ERR)));
+    g_autoptr(Neural) first = ok(neural_read(path, ERR));
+    assert_same(first, neural);
+    g_assert_cmpint(ok(neural_read_levels(path, back, ERR)), ==, 2);
+    for (int level = 0; level < 2; level++) {
+        assert_same(back[level], levels[level]);
+        neural_free(back[level]);
+    }
+}
+
+static void spoil(struct exr_file *file, int fault) {
+    static const char *const parts[] = {"surface1",     "surface3", "heights", "halves2",
+                                        "differences1", "weights2", "rows",    "scales",
+                                        "views",        "lights",   "cameras", "lamps"};
+    static const struct {
+        const char *name;
+        int value;
+    } numbers[] = {{"mesorig.channels", 16}, {"mesorig.channels", 8},      {"mesorig.channels", 5},
+                   {"mesorig.slices", 2},    {"mesorig.height", 2},        {"mesorig.width", 6},
+                   {"mesorig.channels", -4}, {"mesorig.channels", 1 << 30}};
+    static const struct {
+        const char *part, *channel;
+        float value;
+    } values[] = {{"surface2", "G", 256}, {"surface1", "A", -1},   {"heights", "Z", NAN},
+                  {"halves1", "R", 300},  {"weights3", "W", -7},   {"rows", "BIAS", INFINITY},
+                  {"rows", "STEP", 1e9F}, {"scales", "STEP", NAN}, {"scales", "MINIMUM", 1e30F},
+                  {"cameras", "Z", 0},    {"lamps", "X", INFINITY}};
+    struct exr_part *first = exr_file_part(file, "surface1");
+    gsize k = (gsize)fault;
+    if (k < G_N_ELEMENTS(parts)) {
+        g_assert_true(g_ptr_array_remove(file->parts, exr_file_part(file, parts[k])));
+        return;
+    }
+    k -= G_N_ELEMENTS(parts);
+    if (k < G_N_ELEMENTS(numbers)) {
+        exr_set_int(first, numbers[k].name, numbers[k].value);
+        return;
+    }
+    k -= G_N_ELEMENTS(numbers);
+    if (k < G_N_ELEMENTS(values))
+        exr_part_plane(exr_file_part(file, values[k].part), values[k].channel)[2] = values[k].value;
+    else if (k == G_N_ELEMENTS(values))
+        exr_set_double(first, "texel_mm", 1e-9); /* the relief would be too deep */
+    else
+        exr_set_string(first, "mesorig.kind", "hsh");
+}
+
+TEST(file) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "neural.exr", NULL);
+    write_small(path, FALSE);
+    for (int fault = 0; fault < 33; fault++) {
+        write_small(path, TRUE);
+        struct exr_file *file = ok(exr_read(path, ERR));
+        spoil(file, fault);
+        /* Without surface3, mesorig.channels = 8 is another valid file. */
+        if (fault == 13)
+            exr_file_free(file);
+        else
+            assert_file_refused(neural_read, path, file);
+    }
+    write_small(path, TRUE);
+    assert_cut_refused(neural_read, path, 2111);
+}
