@@ -2,6 +2,7 @@
 #include "base/data_error.h"
 #include "base/plural.h"
 #include "btf/btf_sigma.h"
+#include "codecs/codec/codec_geometry.h"
 #include "codecs/codecs.h"
 #include "common/cli.h"
 #include "common/plot.h"
@@ -28,6 +29,7 @@ struct compare {
     double evaluation_ns; /* time of one evaluation of B; NAN if B cannot be evaluated */
     struct left_out left_out;
     struct held_out held; /* the directions that were left out for points */
+    struct codec_geometry *geometry;
     GArray *points;
 };
 
@@ -89,6 +91,10 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
     }
     if (!left_out_draw(&compare->left_out, compare->a, &btf->layout, &compare->held, error))
         return FALSE;
+    compare->geometry = codec_geometry_read(btf, error);
+    if (!compare->geometry)
+        return FALSE;
+    compare->held.geometry = compare->geometry;
     const gboolean some = compare->held.n_views || compare->held.n_lights;
     compare->points = curve_measure(btf, some ? &compare->held : NULL, work, error);
     return compare->points && draw_curve(compare, btf->name, error);
@@ -339,6 +345,7 @@ static int run(const struct call *call, GError **error) {
     material_free(compare.of_b);
     comparison_free(compare.comparison);
     held_out_clear(&compare.held);
+    codec_geometry_free(compare.geometry);
     curve_free(compare.points);
     return ok ? CLI_DONE : CLI_FAILED;
 }

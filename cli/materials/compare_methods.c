@@ -1,6 +1,7 @@
 #include "compare_methods.h"
 
 #include "base/plural.h"
+#include "codecs/codec/codec_geometry.h"
 #include "common/work.h"
 
 #include <math.h>
@@ -15,6 +16,7 @@ struct method_errors {
 struct methods {
     const struct compare_methods_asked *asked;
     struct held_out held;
+    struct codec_geometry *geometry, *rest_geometry; /* of btf, and of btf without held */
     struct btf_matrix *btf;
     GArray *found; /* of struct method_errors */
 };
@@ -42,7 +44,8 @@ static gboolean encode(struct methods *methods, const struct codec *codec,
                        const struct btf_matrix *rest, const struct work *work, GError **error) {
     g_autofree gpointer options = g_malloc0(MAX(codec->options_size, 1));
     options_defaults(codec->options, options);
-    const struct codec_job job = {.btf = rest, .options = options, .work = work};
+    const struct codec_job job = {
+        .btf = rest, .options = options, .work = work, .geometry = methods->rest_geometry};
     struct codec_result result = {0};
     const gboolean ok = codec->encode(codec, &job, &result, error) &&
                         measure(methods, codec, result.levels->pdata[0], result.error, work, error);
@@ -60,6 +63,11 @@ static gboolean work_methods(const struct work *work, gpointer data, GError **er
     if (!methods->btf || !left_out_draw(&methods->asked->left_out, methods->asked->path,
                                         &methods->btf->layout, &methods->held, error))
         return FALSE;
+    methods->geometry = codec_geometry_read(methods->btf, error);
+    if (!methods->geometry)
+        return FALSE;
+    methods->rest_geometry = codec_geometry_rest(methods->geometry, &methods->held);
+    methods->held.geometry = methods->geometry;
     struct btf_matrix *rest = held_out_rest(methods->btf, &methods->held);
     gboolean ok = measure(methods, &material_btf_codec, rest, 0, work, error);
     if (!ok)
@@ -113,6 +121,8 @@ gboolean compare_methods(const struct compare_methods_asked *asked, Record *to, 
         comparison_free(g_array_index(methods.found, struct method_errors, i).comparison);
     g_array_unref(methods.found);
     held_out_clear(&methods.held);
+    codec_geometry_free(methods.geometry);
+    codec_geometry_free(methods.rest_geometry);
     btf_matrix_free(methods.btf);
     return ok;
 }

@@ -1,5 +1,6 @@
 #include "curve.h"
 
+#include "codecs/codec/codec_geometry.h"
 #include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
 
@@ -74,12 +75,17 @@ GArray *curve_measure(const struct btf_matrix *btf, const struct held_out *held,
     static const struct work none;
     struct curve curve = {btf, held, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), {0}};
     struct btf_matrix *rest = held ? held_out_rest(btf, held) : NULL;
+    struct codec_geometry *rest_geometry =
+        held && held->geometry ? codec_geometry_rest(held->geometry, held) : NULL;
     gboolean ok = TRUE;
     work = work ? work : &none;
     curve.quiet.cancellable = work->cancellable;
+    const struct codec_job job = {
+        .btf = held ? rest : btf, .work = work, .geometry = rest_geometry};
     for (gsize i = 0; ok && codecs[i]; i++)
-        ok = codecs[i]->curve(codecs[i], held ? rest : btf, work, add_point, &curve, error);
+        ok = codecs[i]->curve(codecs[i], &job, add_point, &curve, error);
     btf_matrix_free(rest);
+    codec_geometry_free(rest_geometry);
     if (!ok) {
         curve_free(curve.points);
         return NULL;

@@ -4,6 +4,7 @@
 #include "hsh/hsh_codec.h"
 #include "lobes/lobes_codec.h"
 #include "lpca/lpca_codec.h"
+#include "neural/neural_codec.h"
 #include "session/session.h"
 
 #include <string.h>
@@ -17,6 +18,7 @@ const struct codec *const codecs[] = {
     &lobes_codecs[LOBES_LAFORTUNE],
     &lobes_codecs[LOBES_WARD],
     &lobes_codecs[LOBES_ASHIKHMIN],
+    &neural_codec,
     NULL,
 };
 

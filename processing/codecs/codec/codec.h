@@ -21,6 +21,8 @@ struct material_info {
     gint64 bytes;
 };
 
+struct codec_geometry;
+
 /* The input of encode(). */
 struct codec_job {
     /* the BTF to encode; its values are in memory unless memory > 0 */
@@ -34,6 +36,9 @@ struct codec_job {
     /* keeps the state of the work, so that a later call can continue; NULL if no state is kept.
      * Only codecs with `resumable` use the checkpoint */
     Checkpoint *checkpoint;
+    /* the geometry of the BTF, for codecs with `geometric`. If it is NULL, they read that of the
+     * session btf->directory (codec_geometry.h) */
+    const struct codec_geometry *geometry;
 };
 
 /* The result of encode(). The caller sets all members to 0 before the call, and frees levels, also
@@ -113,6 +118,10 @@ struct codec {
     /* whether “mesorig process” writes products/NAME.exr with this codec. “mesorig compress” then
      * needs -o for its own file */
     gboolean from_process;
+    /* whether models know where cameras and lamps were. evaluate() then expects the directions from
+     * the texel to camera and lamp. Other codecs expect those from the centre of the sample, as
+     * those of the layout are */
+    gboolean geometric;
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
                        struct codec_result *ret, GError **error);
@@ -144,8 +153,8 @@ struct codec {
      * if the files of the codec have only level 0. */
     GPtrArray *(*read_levels)(const char *path, GError **error);
 
-    /* Encodes the BTF as models of several sizes, and calls tell() for each. Stops when tell()
-     * fails. */
-    gboolean (*curve)(const struct codec *codec, const struct btf_matrix *btf,
-                      const struct work *work, CodecPoint tell, gpointer data, GError **error);
+    /* Encodes the BTF of a job as models of several sizes, and calls tell() for each. Stops when
+     * tell() fails. The job has no options, memory or checkpoint. */
+    gboolean (*curve)(const struct codec *codec, const struct codec_job *job, CodecPoint tell,
+                      gpointer data, GError **error);
 };

@@ -1,6 +1,7 @@
 #include "held_out.h"
 
 #include "base/data_error.h"
+#include "codec_geometry.h"
 #include "compare_private.h"
 #include "place.h"
 
@@ -119,6 +120,7 @@ struct held_out_pairs {
     /* n_views × n_lights; n_views in the query is 0 if the view or the light is on or below the
      * horizon */
     struct codec_place *places;
+    const struct codec_geometry *geometry; /* NULL if the codec does not use it */
 };
 
 static void measured(gconstpointer data, int texel, float *ret) {
@@ -139,10 +141,21 @@ static void modelled(gconstpointer data, int texel, float *ret) {
     gconstpointer model = material_model(pairs->model);
     const float one = 1;
     const struct codec_texels texels = {1, &texel, &one};
+    const struct btf_layout *layout = &pairs->btf->layout;
+    const struct codec_geometry *geometry = pairs->geometry;
     memset(ret, 0, sizeof *ret * COLOURS * (gsize)pairs->n_views * (gsize)pairs->n_lights);
-    for (int i = 0; i < pairs->n_views * pairs->n_lights; i++)
-        if (pairs->places[i].query.n_views > 0)
-            codec->evaluate(model, &pairs->places[i].query, &texels, ret + (gsize)i * COLOURS);
+    for (int i = 0; i < pairs->n_views * pairs->n_lights; i++) {
+        struct codec_query query = pairs->places[i].query;
+        if (query.n_views == 0)
+            continue;
+        if (geometry) {
+            codec_geometry_towards(layout, geometry->camera_mm, &layout->views,
+                                   pairs->views[i / pairs->n_lights], texel, query.view);
+            codec_geometry_towards(layout, geometry->lamp_mm, &layout->lights,
+                                   pairs->lights[i % pairs->n_lights], texel, query.light);
+        }
+        codec->evaluate(model, &query, &texels, ret + (gsize)i * COLOURS);
+    }
 }
 
 /* Prepares a query for each pair. If the view or the light is on or below the horizon, the query
@@ -180,6 +193,7 @@ static struct comparison *compare(const struct btf_matrix *btf, const struct hel
         .n_lights = held->n_lights ? held->n_lights : (int)layout->lights.n,
         .views = held->n_views ? held->views : others(layout->views.n, NULL, 0),
         .lights = held->n_lights ? held->lights : others(layout->lights.n, NULL, 0),
+        .geometry = material_codec(model)->geometric ? held->geometry : NULL,
     };
     struct comparison *ret = NULL;
     if (codec_tables_init(&pairs.tables, material_codec(model), material_model(model), error)) {

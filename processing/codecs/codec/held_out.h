@@ -17,6 +17,9 @@
 struct held_out {
     int n_views, n_lights;
     int *views, *lights;
+    /* geometry of the whole BTF (codec_geometry.h), so that a model of a codec with `geometric` is
+     * evaluated at the true directions of each texel; NULL if it is not known. Borrowed */
+    const struct codec_geometry *geometry;
 };
 
 #define HELD_OUT_MIN_KEPT 3 /* minimum number of directions that can be triangulated */

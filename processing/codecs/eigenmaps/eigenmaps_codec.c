@@ -217,8 +217,10 @@ static void evaluate(gconstpointer model, const struct codec_query *query,
 
 /* Reports models of 1, 2, 4, … maps. The maps are sorted by the variance that they explain, so that
  * leaving out the last ones gives the best model with fewer maps. */
-static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
-                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve(const struct codec *codec, const struct codec_job *job, CodecPoint tell,
+                      gpointer data, GError **error) {
+    const struct btf_matrix *btf = job->btf;
+    const struct work *work = job->work;
     const int most = MIN(CURVE_MAX, btf->layout.views.n);
     const struct eigenmaps_options options = {0};
     double ignored;

@@ -90,8 +90,10 @@ static void evaluate(gconstpointer model, const struct codec_query *query,
         }
 }
 
-static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
-                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve(const struct codec *codec, const struct codec_job *job, CodecPoint tell,
+                      gpointer data, GError **error) {
+    const struct btf_matrix *btf = job->btf;
+    const struct work *work = job->work;
     gboolean ok = TRUE;
     for (gsize i = 0; ok && i < G_N_ELEMENTS(hsh_codec_terms); i++) {
         const struct hsh_options options = {.n_terms = hsh_codec_terms[i], .work = *work};

@@ -131,8 +131,10 @@ static GPtrArray *read_levels(const char *path, GError **error) {
     return ret;
 }
 
-static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
-                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve(const struct codec *codec, const struct codec_job *job, CodecPoint tell,
+                      gpointer data, GError **error) {
+    const struct btf_matrix *btf = job->btf;
+    const struct work *work = job->work;
     const enum lobes_model model = (enum lobes_model)codec->variant;
     const int most = lobes_traits[model].lobed ? LOBES_MAX_LOBES : 1;
     gboolean ok = TRUE;

@@ -399,8 +399,10 @@ static gboolean curve_packed(const struct btf_matrix *btf, const struct work *wo
 /* Encodes with 1, 4, 16 and 64 clusters of 1, 2, 4, 8 and 16 components each, quantised in each
  * way. Numbers of clusters above 1 that leave fewer than TEXELS_A_CLUSTER texels per cluster are
  * left out. Then encodes packed models. */
-static gboolean curve(const struct codec *codec G_GNUC_UNUSED, const struct btf_matrix *btf,
-                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve(const struct codec *codec G_GNUC_UNUSED, const struct codec_job *job,
+                      CodecPoint tell, gpointer data, GError **error) {
+    const struct btf_matrix *btf = job->btf;
+    const struct work *work = job->work;
     const int most = btf_layout_texels(&btf->layout) / TEXELS_A_CLUSTER;
     const int values = 3 * btf->layout.views.n * btf->layout.lights.n;
     gboolean ok = TRUE;

@@ -1,6 +1,6 @@
 #include "neural_private.h"
 
-#include "base/direction.h"
+#include "codecs/codec/codec_geometry.h"
 
 #include <math.h>
 #include <string.h>
@@ -89,32 +89,14 @@ void neural_prepare(struct neural *neural) {
     memcpy(to->biases, neural->biases, sizeof to->biases);
 }
 
-/* Gives the unit vector from a texel to a position, or the direction of a list without positions.
- */
-static void towards(const struct btf_layout *layout, const float *positions_mm,
-                    const struct direction_list *list, int index, int texel, float ret[3]) {
-    if (!positions_mm) {
-        direction_from_deg(list->theta_deg[index], list->phi_deg[index], ret);
-        return;
-    }
-    const int width = (int)layout->width;
-    const int row = texel / width, column = texel % width;
-    const float *at = positions_mm + 3 * (gsize)index;
-    const double x = at[0] - (column + 0.5 - 0.5 * (double)layout->width) * layout->texel_mm;
-    const double y = at[1] - (0.5 * (double)layout->height - row - 0.5) * layout->texel_mm;
-    const double z = at[2] - layout->reference_mm;
-    const double length = sqrt(x * x + y * y + z * z);
-    ret[0] = (float)(x / length);
-    ret[1] = (float)(y / length);
-    ret[2] = (float)(z / length);
-}
-
 void neural_view(const struct neural *neural, int view, int texel, float ret[3]) {
-    towards(&neural->layout, neural->camera_mm, &neural->layout.views, view, texel, ret);
+    codec_geometry_towards(&neural->layout, neural->camera_mm, &neural->layout.views, view, texel,
+                           ret);
 }
 
 void neural_light(const struct neural *neural, int light, int texel, float ret[3]) {
-    towards(&neural->layout, neural->lamp_mm, &neural->layout.lights, light, texel, ret);
+    codec_geometry_towards(&neural->layout, neural->lamp_mm, &neural->layout.lights, light, texel,
+                           ret);
 }
 
 /* Averages bytes from (columns × rows × channels) to half the size, weighting by overlaps. */

@@ -84,7 +84,8 @@
  */
 #pragma once
 
-#include "btf/btf_layout.h"
+#include "btf/btf_matrix.h"
+#include "exr/checkpoint.h"
 
 #define NEURAL_MAX_CHANNELS   16 /* of a texel; a multiple of 4 */
 #define NEURAL_PLANE          8  /* rows and columns of halves and differences */
@@ -178,3 +179,38 @@ gboolean neural_write(const char *path, struct neural *const *levels, int n, GEr
 struct neural *neural_read(const char *path, GError **error);
 int neural_read_levels(const char *path, struct neural *ret_levels[NEURAL_MAX_LEVELS],
                        GError **error);
+
+struct codec_geometry;
+
+struct neural_options {
+    int n_channels;   /* 4, 8, 12 or 16; 0 means 12 */
+    double per_texel; /* samples of the training for each texel; 0 means 3000 */
+    guint32 seed;     /* of the first numbers and of the samples */
+    struct work work;
+    /* NULL, or a checkpoint. The checkpoint is saved at intervals and when the work is cancelled. A
+     * later call for the same BTF and options continues from the checkpoint and gives the same
+     * result as without an interruption. */
+    Checkpoint *checkpoint;
+    /* Positions of cameras and lamps, and the points of the surface. NULL means that all texels
+     * have the directions of the layout, and that the surface is flat. */
+    const struct codec_geometry *geometry;
+};
+
+/* Fits the model to a BTF whose values are in memory. Values that are NaN are left out. The height
+ * map is the median of the points in each of its cells; cells without a point continue their
+ * neighbours.
+ *
+ * The training minimises the squared difference of colours after the curve log(1 + 60 x) / log 61,
+ * with Adam (Kingma & Ba 2015; β 0.9 and 0.99) in steps of NEURAL_STEP samples, which are drawn at
+ * random. The learning rate is 0.02 for channels and planes and 0.01 for the network. It rises
+ * during 50 steps and falls to a fiftieth. There are at least NEURAL_MIN_STEPS steps. Then all
+ * numbers are rounded to bytes.
+ *
+ * The result does not depend on the number of threads. It depends on the seed, and in the last
+ * digits on the kind of processor. The progress stages are "train" and "errors". Fails if an option
+ * is out of range, if the BTF is empty, too large or has an infinite value, or if the work is
+ * cancelled. */
+#define NEURAL_STEP      1024
+#define NEURAL_MIN_STEPS 256
+struct neural *neural_compute(const struct btf_matrix *btf, const struct neural_options *options,
+                              GError **error);

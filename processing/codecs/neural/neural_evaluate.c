@@ -21,7 +21,6 @@ static void read_plane(const float *plane, const float at[2], float *column) {
 void neural_set_inputs(const struct neural_numbers *numbers, const struct neural_query *queries,
                        int n, struct neural_batch *batch) {
     const int channels = numbers->n_channels, inputs = neural_inputs(channels);
-    memset(batch->inputs, 0, sizeof batch->inputs);
     for (int s = 0; s < n; s++) {
         const struct neural_query *query = &queries[s];
         float column[NEURAL_MAX_INPUTS] = {0};
@@ -61,7 +60,7 @@ void neural_evaluate(const struct neural *neural, const struct neural_sample *sa
                                    queries[s].difference);
         }
         neural_set_inputs(numbers, queries, count, &batch);
-        neural_run(numbers, &batch);
+        neural_run(numbers, count, &batch);
         for (int s = 0; s < count; s++)
             for (int c = 0; c < 3; c++)
                 ret[3 * (first + (gsize)s) + (gsize)c] = batch.colours[c][s];

@@ -58,8 +58,54 @@ struct neural_batch {
     float colours[3][NEURAL_BATCH];
 } __attribute__((aligned(64)));
 
-/* Sets the inputs of n ≤ NEURAL_BATCH samples, and 0 for the others. */
+/* Sets the inputs of the first n samples. */
 void neural_set_inputs(const struct neural_numbers *numbers, const struct neural_query *queries,
                        int n, struct neural_batch *batch);
-/* Steps 4 and 5: from inputs to colours. */
-void neural_run(const struct neural_numbers *numbers, struct neural_batch *batch);
+/* Steps 4 and 5: from inputs to colours of the first n samples. */
+void neural_run(const struct neural_numbers *numbers, int n, struct neural_batch *batch);
+
+/* Makes the height map of a model from points: heights and height_scale. Without points it is flat,
+ * at the reference plane. */
+void neural_set_heights(struct neural *neural, const struct codec_geometry *geometry);
+
+/* Gradients of the loss by all numbers but the heights and the channels of the surface. The members
+ * have the meaning of those of struct neural_numbers. */
+struct neural_gradient {
+    float halves[NEURAL_PLANE_VALUES], differences[NEURAL_PLANE_VALUES];
+    float weights[NEURAL_MAX_WEIGHTS], biases[NEURAL_ROWS];
+} __attribute__((aligned(64)));
+
+/* The samples of a batch, and what the training computes from them. */
+struct neural_lesson {
+    struct neural_query queries[NEURAL_BATCH];
+    float targets[3][NEURAL_BATCH]; /* R, G, B of the BTF; NaN: the sample is left out */
+    /* gradient of the loss by the inputs: rows of NEURAL_BATCH samples */
+    float inputs[NEURAL_MAX_INPUTS][NEURAL_BATCH];
+    struct neural_gradient gradient;
+    double loss; /* Σ over samples and colours of the squared difference after the curve */
+} __attribute__((aligned(64)));
+
+/* The weights with rows and columns exchanged in each layer, as neural_learn() needs them. */
+void neural_transpose(const struct neural_numbers *numbers, float ret[NEURAL_MAX_WEIGHTS]);
+
+/* Computes loss and gradients of the lesson's samples for a given share of each in the loss. Adds
+ * nothing to the gradient of the surface; the caller takes it from lesson->inputs with
+ * neural_add_surface(). */
+void neural_learn(const struct neural_numbers *numbers, const float *transposed, float share,
+                  struct neural_lesson *lesson);
+/* Adds the gradient of a lesson by the channels of the surface: height × width × n_channels. */
+void neural_add_surface(const struct neural_numbers *numbers, const struct neural_lesson *lesson,
+                        float *gradient);
+
+/* Layers of the lesson (neural_layers.c): from batch and lesson->targets to lesson->inputs, the
+ * gradients by weights and biases, and the loss. */
+void neural_run_back(const struct neural_numbers *numbers, const float *transposed, float share,
+                     struct neural_batch *batch, struct neural_lesson *lesson);
+
+/* Threads that run short loops, many times a second. The calling thread works as well. The caller
+ * may run one loop at a time. */
+struct neural_crew;
+struct neural_crew *neural_crew_new(int n_threads); /* 0: one per processor */
+void neural_crew_free(struct neural_crew *crew);
+/* Calls func for each block from 0 to n − 1, in any thread and order. */
+void neural_crew_run(struct neural_crew *crew, int n, WorkBlock func, gpointer data);

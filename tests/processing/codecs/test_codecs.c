@@ -102,10 +102,13 @@ static gint64 count_bytes(const struct codec *codec, const struct exr_file *file
         const char *codec, *part;
         gint64 bytes;
     } exceptions[] = {
-        {"lpca", "clusters", 1}, /* up to 256 clusters */
-        {"lpca", "scales", 0},   /* 1 if the values are halves */
-        {NULL, "views", 0},
-        {NULL, "lights", 0},
+        {"lpca", "clusters", 1},   /* up to 256 clusters */
+        {"lpca", "scales", 0},     /* 1 if the values are halves */
+        {"neural", "surface1", 1}, /* bytes */
+        {"neural", "surface2", 1},     {"neural", "surface3", 1}, {"neural", "heights", 1},
+        {"neural", "halves1", 1},      {"neural", "halves2", 1},  {"neural", "differences1", 1},
+        {"neural", "differences2", 1}, {"neural", "weights1", 1}, {"neural", "weights2", 1},
+        {"neural", "weights3", 1},     {NULL, "views", 0},        {NULL, "lights", 0},
     };
     gint64 sum = 0;
     for (guint i = 0; i < file->parts->len; i++) {

@@ -26,6 +26,7 @@ static const char *const names[] = {"Ashikhmin–Shirley",
                                     "local PCA, 8-bit weights",
                                     "local PCA, halves",
                                     PACKED,
+                                    "neural planes",
                                     "polynomials",
                                     "reflectance fields"};
 

@@ -1,9 +1,14 @@
-#include "codecs/neural/neural.h"
+#include "base/data_error.h"
+#include "codecs/codec/codec_geometry.h"
+#include "codecs/neural/neural_codec.h"
+#include "codecs/neural/neural_private.h"
+#include "lib/btf_fixture.h"
 #include "lib/damage.h"
 #include "lib/neural_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/waves_fixture.h"
 
 #include <math.h>
 #include <string.h>
@@ -262,4 +267,137 @@ TEST(file) {
     }
     write_small(path, TRUE);
     assert_cut_refused(neural_read, path, 2111);
+}
+
+/* The loss of a lesson in double precision. */
+static double loss_of(const struct neural_numbers *numbers, const struct neural_lesson *lesson) {
+    struct neural_batch batch;
+    double sum = 0;
+    neural_set_inputs(numbers, lesson->queries, NEURAL_BATCH, &batch);
+    neural_run(numbers, NEURAL_BATCH, &batch);
+    for (int c = 0; c < 3; c++)
+        for (int s = 0; s < NEURAL_BATCH; s++) {
+            const double target = (double)lesson->targets[c][s];
+            const double off = log1p(60 * (double)batch.colours[c][s]) - log1p(60 * target);
+            sum += isnan(target) ? 0 : off * off / (log(61) * log(61));
+        }
+    return sum;
+}
+
+static void assert_gradient(struct neural_numbers *numbers, const struct neural_lesson *lesson,
+                            const char *name, float *values, const float *gradient, gsize n) {
+    const float change = 5e-4F;
+    double squares = 0, largest = 0;
+    int count = 0, above_zero = 0, off = 0;
+    for (gsize i = 0; i < n; i++)
+        squares += (double)(gradient[i] * gradient[i]) / (double)n;
+    for (gsize i = 0; i < n; i += 1 + n / 150) {
+        const float before = values[i];
+        values[i] = before + change;
+        const double above = loss_of(numbers, lesson);
+        values[i] = before - change;
+        const double found = (above - loss_of(numbers, lesson)) / (2 * (double)change);
+        values[i] = before;
+        off += fabs(found - (double)gradient[i]) > 0.05 * sqrt(squares);
+        largest = MAX(largest, fabs(found - (double)gradient[i]));
+        above_zero += fabs(found) > 0.1 * sqrt(squares);
+        count++;
+    }
+    g_test_message("%s: RMS %g, largest difference %g", name, sqrt(squares), largest);
+    g_assert_cmpfloat(squares, >, 0);
+    g_assert_cmpint(above_zero, >, count / 20);
+    /* Where the change takes a unit across 0, the difference is not the derivative. */
+    g_assert_cmpint(off, <=, count / 50);
+    g_assert_cmpfloat(largest, <, 0.3 * sqrt(squares));
+}
+
+/* The gradients of all numbers by differences of the loss. */
+TEST(gradients) {
+    g_autoptr(Neural) neural = neural_fixture_new(3, 3, 8, 1, 7);
+    struct neural_numbers *numbers = neural->numbers;
+    struct neural_lesson *lesson = g_aligned_alloc0(1, sizeof *lesson, 64);
+    GRand *random = g_rand_new_with_seed(3);
+    float transposed[NEURAL_MAX_WEIGHTS], surface[9 * 8] = {0};
+    for (int s = 0; s < NEURAL_BATCH; s++) {
+        struct neural_sample sample = {(float)g_rand_double_range(random, 0, 3),
+                                       (float)g_rand_double_range(random, 0, 3),
+                                       {0},
+                                       {0}};
+        double view[3], light[3];
+        draw_direction(random, view);
+        draw_direction(random, light);
+        for (int k = 0; k < 3; k++) {
+            sample.view[k] = (float)view[k];
+            sample.light[k] = (float)light[k];
+            lesson->targets[k][s] = (float)g_rand_double_range(random, 0, 0.8);
+        }
+        neural_make_query(numbers, &sample, &lesson->queries[s]);
+    }
+    lesson->targets[1][5] = NAN;
+    neural_transpose(numbers, transposed);
+    neural_learn(numbers, transposed, 1, lesson);
+    neural_add_surface(numbers, lesson, surface);
+    const struct neural_gradient *found = &lesson->gradient;
+    g_assert_cmpfloat_with_epsilon(lesson->loss, loss_of(numbers, lesson), 1e-4 * lesson->loss);
+    assert_gradient(numbers, lesson, "surface", numbers->surface, surface, 9 * 8);
+    assert_gradient(numbers, lesson, "halves", numbers->halves, found->halves, NEURAL_PLANE_VALUES);
+    assert_gradient(numbers, lesson, "differences", numbers->differences, found->differences,
+                    NEURAL_PLANE_VALUES);
+    const gsize first = (gsize)NEURAL_HIDDEN * (gsize)neural_inputs(8);
+    const gsize second = (gsize)NEURAL_HIDDEN * NEURAL_HIDDEN;
+    assert_gradient(numbers, lesson, "weights1", numbers->weights, found->weights, first);
+    assert_gradient(numbers, lesson, "weights2", numbers->weights + first, found->weights + first,
+                    second);
+    assert_gradient(numbers, lesson, "weights3", numbers->weights + first + second,
+                    found->weights + first + second, (gsize)NEURAL_OUTPUTS * NEURAL_HIDDEN);
+    assert_gradient(numbers, lesson, "biases", numbers->biases, found->biases, NEURAL_ROWS);
+    g_rand_free(random);
+    g_aligned_free(lesson);
+}
+
+/* The medians of points become heights; cells without points continue their neighbours. */
+TEST(heights) {
+    g_autoptr(Neural) neural = neural_fixture_new(2, 2, 4, 1, 7); /* 4 × 4 cells of 0.25 mm */
+    struct codec_surface_point points[] = {
+        {-0.4F, 0.4F, -1, 0},    {-0.45F, 0.3F, -3, 0},
+        {-0.3F, 0.3F, -1.2F, 0}, /* cell (0, 0) */
+        {0.4F, -0.4F, -0.2F, 1}, {7, 0, 100, 1},
+        {0, 0.6F, 100, 1}, /* cell (3, 3), outside */
+    };
+    const struct codec_geometry geometry = {.n_points = G_N_ELEMENTS(points), .points = points};
+    neural_set_heights(neural, &geometry);
+    g_assert_cmpfloat_with_epsilon(neural->height_scale.minimum, -1.2, 1e-6);
+    g_assert_cmpfloat_with_epsilon(neural->height_scale.step, 1.0 / 255, 1e-6);
+    g_assert_cmpint(neural->heights[0], ==, 0);
+    g_assert_cmpint(neural->heights[15], ==, 255);
+    g_assert_cmpint(neural->heights[1], ==, 0);
+    g_assert_cmpint(neural->heights[14], ==, 255);
+    neural_set_heights(neural, NULL);
+    g_assert_true(neural->height_scale.minimum == 0 && neural->height_scale.step == 0);
+    g_assert_cmpint(neural->heights[15], ==, 0);
+}
+
+static struct neural *compute(const struct btf_matrix *btf, int n_threads, double per_texel,
+                              guint32 seed) {
+    const struct neural_options options = {
+        .n_channels = 8, .per_texel = per_texel, .seed = seed, .work.n_threads = n_threads};
+    return ok(neural_compute(btf, &options, ERR));
+}
+
+/* The model is the same with any number of threads, and another with another seed. Its error is
+ * small, although not as small as the noise. */
+TEST(repeats) {
+    g_autoptr(BtfMatrix) btf = waves_fixture_new(6, 5, 5, 7, 0.002, FALSE);
+    for (gsize i = 0; i < 5 * 7 * 3; i++)
+        btf->values[(5 * 7 * 3 * 11) + i] = i % 4 ? btf->values[(5 * 7 * 3 * 11) + i] : NAN;
+    g_autoptr(Neural) one = compute(btf, 1, 17500, 1);
+    g_autoptr(Neural) three = compute(btf, 3, 17500, 1);
+    g_autoptr(Neural) other = compute(btf, 1, 17500, 2);
+    assert_same(one, three);
+    g_assert_cmpint(memcmp(one->weights, other->weights, sizeof one->weights), !=, 0);
+    g_test_message("errors %g (%g before rounding) and %g", one->error, one->exact_error,
+                   other->error);
+    g_assert_cmpfloat(one->error, <, 0.08);
+    g_assert_cmpfloat(other->error, <, 0.08);
+    g_assert_cmpfloat(fabs(one->error - one->exact_error), <, 0.01);
 }
