@@ -2,7 +2,6 @@
 #include "base/data_error.h"
 #include "base/plural.h"
 #include "btf/btf_sigma.h"
-#include "codecs/codec/codec_geometry.h"
 #include "codecs/codecs.h"
 #include "common/cli.h"
 #include "common/plot.h"

@@ -1,7 +1,6 @@
 #include "compare_methods.h"
 
 #include "base/plural.h"
-#include "codecs/codec/codec_geometry.h"
 #include "common/work.h"
 
 #include <math.h>
@@ -66,7 +65,7 @@ static gboolean work_methods(const struct work *work, gpointer data, GError **er
     methods->geometry = codec_geometry_read(methods->btf, error);
     if (!methods->geometry)
         return FALSE;
-    methods->rest_geometry = codec_geometry_rest(methods->geometry, &methods->held);
+    methods->rest_geometry = held_out_rest_geometry(methods->geometry, &methods->held);
     methods->held.geometry = methods->geometry;
     struct btf_matrix *rest = held_out_rest(methods->btf, &methods->held);
     gboolean ok = measure(methods, &material_btf_codec, rest, 0, work, error);

@@ -1,6 +1,5 @@
 #include "curve.h"
 
-#include "codecs/codec/codec_geometry.h"
 #include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
 
@@ -76,7 +75,7 @@ GArray *curve_measure(const struct btf_matrix *btf, const struct held_out *held,
     struct curve curve = {btf, held, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), {0}};
     struct btf_matrix *rest = held ? held_out_rest(btf, held) : NULL;
     struct codec_geometry *rest_geometry =
-        held && held->geometry ? codec_geometry_rest(held->geometry, held) : NULL;
+        held && held->geometry ? held_out_rest_geometry(held->geometry, held) : NULL;
     gboolean ok = TRUE;
     work = work ? work : &none;
     curve.quiet.cancellable = work->cancellable;

@@ -5,7 +5,6 @@
 #include "mdf/mdf_table.h"
 
 #include <math.h>
-#include <string.h>
 
 #define SAME_DEG 0.01F /* views of BTF and MDF are the same if their angles differ by less */
 
@@ -121,41 +120,4 @@ struct codec_geometry *codec_geometry_read(const struct btf_matrix *btf, GError 
         take_positions(ret, near_field);
     near_field_free(near_field);
     return read_points(ret, btf, error) ? g_steal_pointer(&ret) : NULL;
-}
-
-static gboolean is_held(const int *held, int n, int index) {
-    for (int i = 0; i < n; i++)
-        if (held[i] == index)
-            return TRUE;
-    return FALSE;
-}
-
-/* Copies the positions that are not held. */
-static float *keep(const float *from, int n, const int *held, int n_held) {
-    float *ret = from ? g_new(float, 3 * (n - n_held)) : NULL;
-    for (int i = 0, k = 0; from && i < n; i++)
-        if (!is_held(held, n_held, i))
-            memcpy(ret + (gsize)(3 * k++), from + (gsize)(3 * i), sizeof *ret * 3);
-    return ret;
-}
-
-struct codec_geometry *codec_geometry_rest(const struct codec_geometry *geometry,
-                                           const struct held_out *held) {
-    struct codec_geometry *ret = g_new0(struct codec_geometry, 1);
-    ret->n_views = geometry->n_views - held->n_views;
-    ret->n_lights = geometry->n_lights - held->n_lights;
-    ret->camera_mm = keep(geometry->camera_mm, geometry->n_views, held->views, held->n_views);
-    ret->lamp_mm = keep(geometry->lamp_mm, geometry->n_lights, held->lights, held->n_lights);
-    ret->points = g_new(struct codec_surface_point, geometry->n_points);
-    for (gsize i = 0; i < geometry->n_points; i++) {
-        const struct codec_surface_point *point = &geometry->points[i];
-        int before = 0;
-        if (is_held(held->views, held->n_views, point->view))
-            continue;
-        for (int k = 0; k < held->n_views; k++)
-            before += held->views[k] < point->view;
-        ret->points[ret->n_points] = *point;
-        ret->points[ret->n_points++].view -= before;
-    }
-    return ret;
 }

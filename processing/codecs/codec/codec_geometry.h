@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "held_out.h"
+#include "btf/btf_matrix.h"
 
 /* A point of the surface, in mm in the sample frame. z is the height above the reference plane,
  * and negative below it. */
@@ -27,10 +27,6 @@ struct codec_geometry {
  * products/mdf.exr. A BTF without a directory has no positions and no points. Fails as
  * near_field_read() and mdf_table_read() do. */
 struct codec_geometry *codec_geometry_read(const struct btf_matrix *btf, GError **error);
-/* Returns the geometry of held_out_rest(): without the views and lights of held, and without the
- * points that these views measured. */
-struct codec_geometry *codec_geometry_rest(const struct codec_geometry *geometry,
-                                           const struct held_out *held);
 /* Gives the unit vector from the centre of a texel to a position. If positions_mm is NULL, gives
  * the direction of the list. index is that of the position and of the direction. */
 void codec_geometry_towards(const struct btf_layout *layout, const float *positions_mm,

@@ -9,6 +9,7 @@
  */
 #pragma once
 
+#include "codec_geometry.h"
 #include "compare.h"
 
 /* The views and lights that are left out, as ascending indices. If n_views is 0, all views are
@@ -37,6 +38,11 @@ void held_out_clear(struct held_out *held);
 
 /* Copies a BTF, with values in memory, without the views and lights of held. btf_matrix_free() */
 struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held_out *held);
+
+/* Returns the geometry of held_out_rest(): without the views and lights of held, and without the
+ * points that these views measured. codec_geometry_free() */
+struct codec_geometry *held_out_rest_geometry(const struct codec_geometry *geometry,
+                                              const struct held_out *held);
 
 /* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
  * that was left out. If no view was left out, all views are compared. If no light was left out, all
