@@ -18,21 +18,30 @@ static void read_plane(const float *plane, const float at[2], float *column) {
                      NEURAL_PLANE_CHANNELS, column);
 }
 
+/* Adds the means of the channels of the surface at the ends of the rays. */
+static void read_surface(const struct neural_numbers *numbers, const struct neural_ends *ends,
+                         float *column) {
+    const int channels = numbers->n_channels;
+    for (int ray = 0; ray < NEURAL_RAYS; ray++) {
+        struct neural_taps taps;
+        neural_taps(ends->x[ray] / (float)numbers->width, ends->y[ray] / (float)numbers->height,
+                    numbers->width, numbers->height, &taps);
+        for (int i = 0; i < 4; i++)
+            add_channels(numbers->surface + (gsize)taps.at[i] * (gsize)channels,
+                         taps.weight[i] / NEURAL_RAYS, channels, column);
+    }
+}
+
 void neural_set_inputs(const struct neural_numbers *numbers, const struct neural_query *queries,
                        int n, struct neural_batch *batch) {
     const int channels = numbers->n_channels, inputs = neural_inputs(channels);
+    float column[NEURAL_MAX_INPUTS];
     for (int s = 0; s < n; s++) {
         const struct neural_query *query = &queries[s];
-        float column[NEURAL_MAX_INPUTS] = {0};
-        for (int ray = 0; ray < NEURAL_RAYS; ray++) {
-            struct neural_taps taps;
-            neural_taps(query->ends.x[ray] / (float)numbers->width,
-                        query->ends.y[ray] / (float)numbers->height, numbers->width,
-                        numbers->height, &taps);
-            for (int i = 0; i < 4; i++)
-                add_channels(numbers->surface + (gsize)taps.at[i] * (gsize)channels,
-                             taps.weight[i] / NEURAL_RAYS, channels, column);
-        }
+        const int kept = query->shared ? channels : 0; /* inputs of the sample before */
+        memset(column + kept, 0, sizeof *column * (gsize)(inputs - kept));
+        if (!query->shared)
+            read_surface(numbers, &query->ends, column);
         read_plane(numbers->halves, query->half, column + channels);
         read_plane(numbers->differences, query->difference,
                    column + channels + NEURAL_PLANE_CHANNELS);
@@ -49,16 +58,7 @@ void neural_evaluate(const struct neural *neural, const struct neural_sample *sa
     struct neural_batch batch;
     for (gsize first = 0; first < n; first += NEURAL_BATCH) {
         const int count = (int)MIN(NEURAL_BATCH, n - first);
-        for (int s = 0; s < count; s++) {
-            const struct neural_sample *sample = &samples[first + (gsize)s];
-            if (s > 0 && memcmp(sample, sample - 1, offsetof(struct neural_sample, light)) == 0)
-                queries[s].ends = queries[s - 1].ends;
-            else
-                neural_find_ends(numbers, sample->x, sample->y, sample->view, &queries[s].ends);
-            neural_find_light(numbers, &queries[s].ends, sample->light, queries[s].light);
-            neural_find_directions(sample->view, sample->light, queries[s].half,
-                                   queries[s].difference);
-        }
+        neural_make_queries(numbers, samples + first, count, queries);
         neural_set_inputs(numbers, queries, count, &batch);
         neural_run(numbers, count, &batch);
         for (int s = 0; s < count; s++)

@@ -32,23 +32,18 @@ void neural_taps(float u, float v, int columns, int rows, struct neural_taps *re
 struct neural_ends {
     float x[NEURAL_RAYS], y[NEURAL_RAYS];
 };
-void neural_find_ends(const struct neural_numbers *numbers, float x, float y, const float view[3],
-                      struct neural_ends *ret);
-/* shade, lit and clear of step 2: means over the rays. */
-void neural_find_light(const struct neural_numbers *numbers, const struct neural_ends *ends,
-                       const float light[3], float ret[NEURAL_LIGHT_INPUTS]);
-/* (g.x, g.y) and f of step 3. */
-void neural_find_directions(const float view[3], const float light[3], float ret_half[2],
-                            float ret_difference[2]);
 
 /* A sample as far as it does not depend on fitted numbers. */
 struct neural_query {
     struct neural_ends ends;
-    float half[2], difference[2];
-    float light[NEURAL_LIGHT_INPUTS];
+    gboolean shared;                  /* whether the sample before has the same ends */
+    float half[2], difference[2];     /* (g.x, g.y) and f of step 3 */
+    float light[NEURAL_LIGHT_INPUTS]; /* shade, lit and clear of step 2: means over the rays */
 };
-void neural_make_query(const struct neural_numbers *numbers, const struct neural_sample *sample,
-                       struct neural_query *ret);
+/* Makes the queries of n ≤ NEURAL_BATCH samples. A sample with the place and the view of the sample
+ * before shares its ends. */
+void neural_make_queries(const struct neural_numbers *numbers, const struct neural_sample *samples,
+                         int n, struct neural_query *ret);
 
 /* All values of a batch on their way through the network: rows of NEURAL_BATCH samples. */
 struct neural_batch {

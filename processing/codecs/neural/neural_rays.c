@@ -1,8 +1,12 @@
 /* Where rays end on the height map, and what the map says of the light there: steps 1 to 3 of
- * neural.h. */
+ * neural.h. The four rays of two samples are in the lanes of vectors. As in neural_layers.c, the
+ * functions are compiled for processors with AVX2 and for others. */
 #include "neural_private.h"
 
+#include "codecs/lobes/lobes_lanes.h"
+
 #include <math.h>
+#include <string.h>
 
 #define SUBRAY    0.25F  /* of a texel, from the centre */
 #define MIN_UP    0.05F  /* least v.z and least r of a reach */
@@ -10,6 +14,8 @@
 #define SLOPE_END 0.375F /* half the length over which a slope is taken, in texels */
 #define FIRST     0.375F /* first distance of the scan of the horizon, in texels */
 #define STEP      0.25F  /* half a cell */
+
+G_STATIC_ASSERT(LANES == 2 * NEURAL_RAYS);
 
 void neural_taps(float u, float v, int columns, int rows, struct neural_taps *ret) {
     const float x = CLAMP(u * (float)columns - 0.5F, 0, (float)(columns - 1));
@@ -27,96 +33,146 @@ void neural_taps(float u, float v, int columns, int rows, struct neural_taps *re
     ret->weight[3] = a * b;
 }
 
-/* H(x, y): the height at a place in texels. The map has at least 2 × 2 cells. */
-static inline float height_at(const struct neural_numbers *numbers, float x, float y) {
+/* Converts coordinates of cells to the first of two cells and the share of the second one. */
+LANES_INLINE lane_bits find_cells(lanes at, int n, lanes *ret_share) {
+    const lanes inside = lanes_min(lanes_max(at, lanes_all(0)), lanes_all((float)(n - 1)));
+    const lane_bits first = __builtin_convertvector(inside, lane_bits);
+    const lane_bits last = first < n - 1;
+    const lane_bits cell = (last & first) | (~last & (n - 2));
+    *ret_share = inside - __builtin_convertvector(cell, lanes);
+    return cell;
+}
+
+LANES_INLINE lanes gather(const float *from, lane_bits at) {
+    return (lanes){from[at[0]], from[at[1]], from[at[2]], from[at[3]],
+                   from[at[4]], from[at[5]], from[at[6]], from[at[7]]};
+}
+
+/* H(x, y): the heights at places in texels. The map has at least 2 × 2 cells. */
+LANES_INLINE lanes heights_at(const struct neural_numbers *numbers, lanes x, lanes y) {
     const int columns = 2 * numbers->width, rows = 2 * numbers->height;
-    const float u = CLAMP(2 * x - 0.5F, 0, (float)(columns - 1));
-    const float v = CLAMP(2 * y - 0.5F, 0, (float)(rows - 1));
-    const int i = MIN((int)u, columns - 2), j = MIN((int)v, rows - 2);
-    const float a = u - (float)i, b = v - (float)j;
-    const float *z = numbers->heights + (gsize)j * (gsize)columns + (gsize)i;
-    const float above = z[0] + a * (z[1] - z[0]);
-    const float below = z[columns] + a * (z[columns + 1] - z[columns]);
+    lanes a, b;
+    const lane_bits i = find_cells(2 * x - 0.5F, columns, &a);
+    const lane_bits at = find_cells(2 * y - 0.5F, rows, &b) * columns + i;
+    const float *z = numbers->heights;
+    const lanes left = gather(z, at), left_below = gather(z + columns, at);
+    const lanes above = left + a * (gather(z + 1, at) - left);
+    const lanes below = left_below + a * (gather(z + columns + 1, at) - left_below);
     return above + b * (below - above);
 }
 
-/* The end of the ray that meets the reference plane at (x, y), in texels. wx and wy are w. */
-static void find_end(const struct neural_numbers *numbers, float x, float y, float wx, float wy,
-                     float *ret_x, float *ret_y) {
-    const float top = numbers->top, range = top - numbers->bottom;
-    const float slope = MAX(1, sqrtf(wx * wx + wy * wy));
-    const int n = (int)CLAMP(ceilf(4 * range * slope), 1, NEURAL_MAX_STEPS);
-    float above = top, below = top;
-    for (int k = 0; k <= n; k++) {
-        above = below;
-        below = top - range * (float)k / (float)n;
-        if (height_at(numbers, x + wx * below, y + wy * below) >= below)
-            break;
+LANES_INLINE gboolean any(lane_bits bits) {
+    gint64 halves[LANES / 2];
+    memcpy(halves, &bits, sizeof halves);
+    return (halves[0] | halves[1] | halves[2] | halves[3]) != 0;
+}
+
+/* Moves x and y, where rays meet the reference plane, to the ends of the rays. wx and wy are w, and
+ * n the number of steps. */
+LANES_INLINE void find_ends(const struct neural_numbers *numbers, lanes *x, lanes *y, lanes wx,
+                            lanes wy, lanes n) {
+    const float range = numbers->top - numbers->bottom;
+    lanes above = lanes_all(numbers->top), below = above;
+    lane_bits going = n >= 0;
+    for (lanes k = lanes_all(0); any(going &= k <= n); k += 1) {
+        const lanes z = numbers->top - range * k / n;
+        above = lanes_if(going, below, above);
+        below = lanes_if(going, z, below);
+        going &= heights_at(numbers, *x + wx * z, *y + wy * z) < z;
     }
     for (int k = 0; k < NEURAL_HALVINGS; k++) {
-        const float middle = 0.5F * (above + below);
-        if (height_at(numbers, x + wx * middle, y + wy * middle) >= middle)
-            below = middle;
-        else
-            above = middle;
+        const lanes z = 0.5F * (above + below);
+        const lane_bits under = heights_at(numbers, *x + wx * z, *y + wy * z) >= z;
+        below = lanes_if(under, z, below);
+        above = lanes_if(under, above, z);
     }
-    *ret_x = x + wx * below;
-    *ret_y = y + wy * below;
+    *x += wx * below;
+    *y += wy * below;
 }
 
-void neural_find_ends(const struct neural_numbers *numbers, float x, float y, const float view[3],
-                      struct neural_ends *ret) {
-    const float up = MAX(view[2], MIN_UP);
-    for (int ray = 0; ray < NEURAL_RAYS; ray++)
-        find_end(numbers, x + (ray & 1 ? SUBRAY : -SUBRAY), y + (ray & 2 ? SUBRAY : -SUBRAY),
-                 view[0] / up, -view[1] / up, &ret->x[ray], &ret->y[ray]);
-}
-
-/* Returns h of step 2: the slope of the horizon at (x, y) towards (dx, dy), at least r − 1. */
-static float find_horizon(const struct neural_numbers *numbers, float x, float y, float dx,
-                          float dy, float r) {
-    const float top = numbers->top, z = height_at(numbers, x, y);
-    const float reach = (top - numbers->bottom) / MAX(r, MIN_UP) + 0.5F;
-    float h = r - 1, t = FIRST;
-    for (int k = 0; k < NEURAL_MAX_STEPS && t <= reach && top - z > h * t; k++) {
-        h = MAX(h, (height_at(numbers, x + dx * t, y + dy * t) - z) / t);
-        t += MAX(STEP, t / 16);
+/* Returns h of step 2: the slopes of the horizon at (x, y) towards (dx, dy), at least r − 1. */
+LANES_INLINE lanes find_horizons(const struct neural_numbers *numbers, lanes x, lanes y, lanes dx,
+                                 lanes dy, lanes r) {
+    const lanes z = heights_at(numbers, x, y), room = numbers->top - z;
+    const lanes reach = (numbers->top - numbers->bottom) / lanes_max(r, lanes_all(MIN_UP)) + 0.5F;
+    lanes h = r - 1, t = lanes_all(FIRST);
+    for (int k = 0; k < NEURAL_MAX_STEPS; k++) {
+        const lane_bits going = (t <= reach) & (room > h * t);
+        if (!any(going))
+            break;
+        const lanes there = heights_at(numbers, x + dx * t, y + dy * t);
+        h = lanes_if(going, lanes_max(h, (there - z) / t), h);
+        t = lanes_if(going, t + lanes_max(lanes_all(STEP), t / 16), t);
     }
     return h;
 }
 
 /* N · l, where N is the normal of the map at (x, y). */
-static float find_cosine(const struct neural_numbers *numbers, float x, float y,
-                         const float light[3]) {
+LANES_INLINE lanes find_cosines(const struct neural_numbers *numbers, lanes x, lanes y,
+                                const lanes light[3]) {
     const float e = SLOPE_END;
-    const float right_down = height_at(numbers, x + e, y + e);
-    const float right_up = height_at(numbers, x + e, y - e);
-    const float left_down = height_at(numbers, x - e, y + e);
-    const float left_up = height_at(numbers, x - e, y - e);
-    const float s = (right_down + right_up - left_down - left_up) / (4 * e);
-    const float t = (right_down + left_down - right_up - left_up) / (4 * e);
-    return (-s * light[0] + t * light[1] + light[2]) / sqrtf(s * s + t * t + 1);
+    const lanes right_down = heights_at(numbers, x + e, y + e);
+    const lanes right_up = heights_at(numbers, x + e, y - e);
+    const lanes left_down = heights_at(numbers, x - e, y + e);
+    const lanes left_up = heights_at(numbers, x - e, y - e);
+    const lanes s = (right_down + right_up - left_down - left_up) / (4 * e);
+    const lanes t = (right_down + left_down - right_up - left_up) / (4 * e);
+    return (light[2] - s * light[0] + t * light[1]) / lanes_sqrt(s * s + t * t + 1);
 }
 
-void neural_find_light(const struct neural_numbers *numbers, const struct neural_ends *ends,
-                       const float light[3], float ret[NEURAL_LIGHT_INPUTS]) {
-    const float flat = MAX(sqrtf(light[0] * light[0] + light[1] * light[1]), MIN_FLAT);
-    const float dx = light[0] / flat, dy = -light[1] / flat, r = light[2] / flat;
-    float shades = 0, lits = 0, clears = 0;
-    for (int ray = 0; ray < NEURAL_RAYS; ray++) {
-        const float x = ends->x[ray], y = ends->y[ray];
-        const float clear = CLAMP(r - find_horizon(numbers, x, y, dx, dy, r), -1, 1);
-        const float lit = CLAMP(0.5F + 10 * clear, 0, 1);
-        shades += MAX(find_cosine(numbers, x, y, light), 0) * lit;
-        lits += lit;
-        clears += clear;
+/* Finds the ends of the rays of two samples. */
+LANES_INLINE void find_ends_of_two(const struct neural_numbers *numbers,
+                                   const struct neural_sample *const samples[2],
+                                   struct neural_ends *const ret[2]) {
+    lanes x = {0}, y = {0}, wx = {0}, wy = {0}, n = {0};
+    for (int k = 0; k < LANES; k++) {
+        const struct neural_sample *sample = samples[k / NEURAL_RAYS];
+        const float up = MAX(sample->view[2], MIN_UP);
+        x[k] = sample->x + (k & 1 ? SUBRAY : -SUBRAY);
+        y[k] = sample->y + (k & 2 ? SUBRAY : -SUBRAY);
+        wx[k] = sample->view[0] / up;
+        wy[k] = -sample->view[1] / up;
+        const float slope = MAX(1, sqrtf(wx[k] * wx[k] + wy[k] * wy[k]));
+        n[k] = CLAMP(ceilf(4 * (numbers->top - numbers->bottom) * slope), 1, NEURAL_MAX_STEPS);
     }
-    ret[0] = shades / NEURAL_RAYS;
-    ret[1] = lits / NEURAL_RAYS;
-    ret[2] = clears / NEURAL_RAYS;
+    find_ends(numbers, &x, &y, wx, wy, n);
+    for (int k = 0; k < LANES; k++) {
+        ret[k / NEURAL_RAYS]->x[k % NEURAL_RAYS] = x[k];
+        ret[k / NEURAL_RAYS]->y[k % NEURAL_RAYS] = y[k];
+    }
 }
 
-void neural_find_directions(const float view[3], const float light[3], float ret_half[2],
+/* Finds shade, lit and clear of two samples, whose ends are in their queries. */
+LANES_INLINE void find_light_of_two(const struct neural_numbers *numbers,
+                                    const struct neural_sample *const samples[2],
+                                    struct neural_query *const ret[2]) {
+    lanes x = {0}, y = {0}, dx = {0}, dy = {0}, r = {0}, light[3] = {{0}};
+    for (int k = 0; k < LANES; k++) {
+        const float *l = samples[k / NEURAL_RAYS]->light;
+        const float flat = MAX(sqrtf(l[0] * l[0] + l[1] * l[1]), MIN_FLAT);
+        x[k] = ret[k / NEURAL_RAYS]->ends.x[k % NEURAL_RAYS];
+        y[k] = ret[k / NEURAL_RAYS]->ends.y[k % NEURAL_RAYS];
+        dx[k] = l[0] / flat;
+        dy[k] = -l[1] / flat;
+        r[k] = l[2] / flat;
+        for (int i = 0; i < 3; i++)
+            light[i][k] = l[i];
+    }
+    const lanes one = lanes_all(1), zero = lanes_all(0);
+    const lanes above = r - find_horizons(numbers, x, y, dx, dy, r);
+    const lanes clear = lanes_min(lanes_max(above, -one), one);
+    const lanes lit = lanes_min(lanes_max(0.5F + 10 * clear, zero), one);
+    const lanes shade = lanes_max(find_cosines(numbers, x, y, light), zero) * lit;
+    for (int s = 0; s < 2; s++)
+        for (int i = 0; i < NEURAL_LIGHT_INPUTS; i++) {
+            const lanes of = i == 0 ? shade : i == 1 ? lit : clear;
+            const int k = s * NEURAL_RAYS;
+            ret[s]->light[i] = ((of[k] + of[k + 1]) + (of[k + 2] + of[k + 3])) / NEURAL_RAYS;
+        }
+}
+
+/* (g.x, g.y) and f of step 3. */
+static void find_directions(const float view[3], const float light[3], float ret_half[2],
                             float ret_difference[2]) {
     float half[3] = {view[0] + light[0], view[1] + light[1], view[2] + light[2]};
     const float length = sqrtf(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
@@ -130,9 +186,48 @@ void neural_find_directions(const float view[3], const float light[3], float ret
     }
 }
 
-void neural_make_query(const struct neural_numbers *numbers, const struct neural_sample *sample,
-                       struct neural_query *ret) {
-    neural_find_ends(numbers, sample->x, sample->y, sample->view, &ret->ends);
-    neural_find_light(numbers, &ret->ends, sample->light, ret->light);
-    neural_find_directions(sample->view, sample->light, ret->half, ret->difference);
+LANES_INLINE void make_queries(const struct neural_numbers *numbers,
+                               const struct neural_sample *samples, int n,
+                               struct neural_query *ret) {
+    int own[NEURAL_BATCH], n_own = 0; /* samples with rays of their own */
+    for (int s = 0; s < n; s++) {
+        ret[s].shared = s > 0 && memcmp(&samples[s], &samples[s - 1],
+                                        offsetof(struct neural_sample, light)) == 0;
+        if (!ret[s].shared)
+            own[n_own++] = s;
+    }
+    for (int i = 0; i < n_own; i += 2) {
+        const int a = own[i], b = own[MIN(i + 1, n_own - 1)];
+        find_ends_of_two(numbers, (const struct neural_sample *const[]){&samples[a], &samples[b]},
+                         (struct neural_ends *const[]){&ret[a].ends, &ret[b].ends});
+    }
+    for (int s = 0; s < n; s++)
+        if (ret[s].shared)
+            ret[s].ends = ret[s - 1].ends;
+    for (int s = 0; s < n; s += 2) {
+        const int b = MIN(s + 1, n - 1);
+        find_light_of_two(numbers, (const struct neural_sample *const[]){&samples[s], &samples[b]},
+                          (struct neural_query *const[]){&ret[s], &ret[b]});
+    }
+    for (int s = 0; s < n; s++)
+        find_directions(samples[s].view, samples[s].light, ret[s].half, ret[s].difference);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2,fma"))) static void
+make_queries_avx2(const struct neural_numbers *numbers, const struct neural_sample *samples, int n,
+                  struct neural_query *ret) {
+    make_queries(numbers, samples, n, ret);
+}
+#endif
+
+void neural_make_queries(const struct neural_numbers *numbers, const struct neural_sample *samples,
+                         int n, struct neural_query *ret) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+        make_queries_avx2(numbers, samples, n, ret);
+        return;
+    }
+#endif
+    make_queries(numbers, samples, n, ret);
 }

@@ -95,7 +95,7 @@ static void begin_numbers(struct neural_numbers *numbers, guint32 seed) {
 }
 
 /* Draws sample number `index` of the training, and gives its measured colour. */
-static void draw(const struct trainer *trainer, guint64 index, struct neural_query *query,
+static void draw(const struct trainer *trainer, guint64 index, struct neural_sample *ret,
                  float target[COLOURS]) {
     const struct btf_layout *layout = &trainer->btf->layout;
     const gsize n_views = layout->views.n, n_lights = layout->lights.n;
@@ -111,10 +111,10 @@ static void draw(const struct trainer *trainer, guint64 index, struct neural_que
             break;
     }
     const int row = texel / (int)layout->width, column = texel % (int)layout->width;
-    struct neural_sample sample = {(float)column + 0.5F, (float)row + 0.5F, {0}, {0}};
-    neural_view(trainer->neural, view, texel, sample.view);
-    neural_light(trainer->neural, light, texel, sample.light);
-    neural_make_query(trainer->numbers, &sample, query);
+    ret->x = (float)column + 0.5F;
+    ret->y = (float)row + 0.5F;
+    neural_view(trainer->neural, view, texel, ret->view);
+    neural_light(trainer->neural, light, texel, ret->light);
 }
 
 static void learn_batch(int batch, gpointer data) {
@@ -122,12 +122,14 @@ static void learn_batch(int batch, gpointer data) {
     struct neural_lesson *lesson = &trainer->lessons[batch];
     const guint64 first =
         ((guint64)trainer->step * BATCHES + (guint64)batch) * (guint64)NEURAL_BATCH;
+    struct neural_sample samples[NEURAL_BATCH];
     for (int s = 0; s < NEURAL_BATCH; s++) {
         float target[COLOURS];
-        draw(trainer, first + (guint64)s, &lesson->queries[s], target);
+        draw(trainer, first + (guint64)s, &samples[s], target);
         for (int c = 0; c < COLOURS; c++)
             lesson->targets[c][s] = target[c];
     }
+    neural_make_queries(trainer->numbers, samples, NEURAL_BATCH, lesson->queries);
     neural_learn(trainer->numbers, trainer->transposed, 1.0F / (COLOURS * NEURAL_STEP), lesson);
 }
 

@@ -318,21 +318,20 @@ TEST(gradients) {
     struct neural_lesson *lesson = g_aligned_alloc0(1, sizeof *lesson, 64);
     GRand *random = g_rand_new_with_seed(3);
     float transposed[NEURAL_MAX_WEIGHTS], surface[9 * 8] = {0};
+    struct neural_sample samples[NEURAL_BATCH];
     for (int s = 0; s < NEURAL_BATCH; s++) {
-        struct neural_sample sample = {(float)g_rand_double_range(random, 0, 3),
-                                       (float)g_rand_double_range(random, 0, 3),
-                                       {0},
-                                       {0}};
         double view[3], light[3];
+        samples[s].x = (float)g_rand_double_range(random, 0, 3);
+        samples[s].y = (float)g_rand_double_range(random, 0, 3);
         draw_direction(random, view);
         draw_direction(random, light);
         for (int k = 0; k < 3; k++) {
-            sample.view[k] = (float)view[k];
-            sample.light[k] = (float)light[k];
+            samples[s].view[k] = (float)view[k];
+            samples[s].light[k] = (float)light[k];
             lesson->targets[k][s] = (float)g_rand_double_range(random, 0, 0.8);
         }
-        neural_make_query(numbers, &sample, &lesson->queries[s]);
     }
+    neural_make_queries(numbers, samples, NEURAL_BATCH, lesson->queries);
     lesson->targets[1][5] = NAN;
     neural_transpose(numbers, transposed);
     neural_learn(numbers, transposed, 1, lesson);
@@ -382,6 +381,75 @@ static struct neural *compute(const struct btf_matrix *btf, int n_threads, doubl
     const struct neural_options options = {
         .n_channels = 8, .per_texel = per_texel, .seed = seed, .work.n_threads = n_threads};
     return ok(neural_compute(btf, &options, ERR));
+}
+
+/* A training that is cancelled in the middle continues from its checkpoint, to the same model. */
+struct stop {
+    GCancellable *cancellable;
+    int after, told, last;
+};
+
+static void stop_after(const struct work_progress *progress, gpointer data) {
+    struct stop *stop = data;
+    if (g_str_equal(progress->stage, "train")) {
+        stop->told++;
+        stop->last = progress->done;
+    }
+    if (progress->done > stop->after)
+        g_cancellable_cancel(stop->cancellable);
+}
+
+TEST(resumes) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "x.checkpoint", NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    g_autoptr(BtfMatrix) btf = waves_fixture_new(6, 5, 5, 7, 0.002, FALSE);
+    struct stop stop = {.cancellable = cancellable, .after = 20};
+    struct neural_options options = {
+        .n_channels = 8,
+        .per_texel = 20000,
+        .work = {.progress = stop_after, .data = &stop, .cancellable = cancellable}};
+    g_autoptr(Neural) whole =
+        ok(neural_compute(btf, &(struct neural_options){.n_channels = 8, .per_texel = 20000}, ERR));
+    for (int run = 0; run < 2; run++) {
+        g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
+        options.checkpoint = checkpoint;
+        stop.told = 0;
+        g_autoptr(Neural) neural = neural_compute(btf, &options, &error);
+        if (run == 0) {
+            g_assert_null(neural);
+            g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+            g_assert_cmpint(stop.last, >, 0);
+            g_assert_cmpint(stop.last, <, 585);
+            g_clear_error(&error);
+            g_cancellable_reset(cancellable);
+            stop.after = G_MAXINT;
+            continue;
+        }
+        g_assert_no_error(error);
+        g_assert_nonnull(checkpoint_note(checkpoint));
+        assert_same(neural, whole);
+    }
+}
+
+TEST(refused) {
+    static const int channels[] = {-4, 3, 6, 20, G_MAXINT};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BtfMatrix) btf = waves_fixture_new(3, 2, 3, 4, 0, FALSE);
+    for (gsize i = 0; i < G_N_ELEMENTS(channels); i++) {
+        g_assert_null(
+            neural_compute(btf, &(struct neural_options){.n_channels = channels[i]}, &error));
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+        g_assert_nonnull(strstr(error->message, "give 4, 8, 12 or 16"));
+        g_clear_error(&error);
+    }
+    g_assert_null(neural_compute(btf, &(struct neural_options){.per_texel = -1}, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_clear_error(&error);
+    btf->values[7] = INFINITY;
+    g_assert_null(neural_compute(btf, &(struct neural_options){0}, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
 }
 
 /* The model is the same with any number of threads, and another with another seed. Its error is
