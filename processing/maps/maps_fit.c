@@ -13,7 +13,12 @@
 #define MEAN   1024 /* number of texels over which the mean is taken */
 #define BETTER 0.95 /* a layer is used if it reduces the cost to at most this share */
 /* minimum decrease of the mean cost of a texel by a layer; the cost is relative to Σ u² Y² */
-#define WORTH         3e-4
+#define WORTH       3e-4
+#define STEPS       12 /* maximum number of steps of the first refinement */
+#define STEPS_AGAIN 5  /* … and of the second, which has priors */
+/* If the cost of the first refinement is larger than the mean cost by this factor, the second also
+ * begins with the parameters of the cluster. */
+#define LARGE         1.2
 #define STARTS        5   /* number of shapes with which the fit of a texel begins */
 #define LAMBERT_LIMIT 0.7 /* minimum z of a normal from lambert() with which a fit begins */
 
@@ -26,7 +31,11 @@ struct maps_fit_run {
     /* if above 0, only the costs of every step-th texel are computed; 0 means that all texels are
      * fitted */
     int step;
-    double *costs;
+    /* of the texels: the costs of the choice of layers, then those of the first refinement */
+    double *costs, mean_cost;
+    /* of all texels; NULL in the first fit */
+    struct maps_parameters *parameters;
+    struct maps_clusters *clusters;
     GMutex mutex;
     GError *error; /* the first error of reading */
 };
@@ -101,10 +110,83 @@ static void dark(struct maps_texel *ret) {
                                .normal = {0, 0, 1}};
 }
 
-static void maps_fit_texel(struct maps_fit_run *run, struct maps_solver *solver, const float *rgb,
-                           gsize texel) {
+/* Gives the parameters the same lobes without a metal: a metal's lobe is that of a dielectric with
+ * a specular colour. */
+static void make_dielectric(struct maps_parameters *x) {
+    const float m = x->x[MAPS_REFINE_METALLIC], w = x->x[MAPS_SHAPE - 1];
+    const float all = (1 - m) * w + m;
+    float before = 0, after = 0;
+    for (int c = 0; c < 3; c++) {
+        float *f = &x->x[MAPS_REFINE_F0 + c];
+        before = MAX(before, *f);
+        *f = ((1 - m) * w * *f + m * x->x[MAPS_REFINE_BASE + c]) / all;
+        after = MAX(after, *f);
+    }
+    for (int c = 0; c < 3; c++)
+        x->x[MAPS_REFINE_BASE + c] *= (1 - m) * (1 - w * before) / MAX(1 - all * after, 0.1F);
+    x->x[MAPS_SHAPE - 1] = all;
+    x->x[MAPS_REFINE_METALLIC] = 0;
+}
+
+/* The parameters that move in the refinement of a texel, as bits. */
+static guint moving(const struct maps_fit_run *run, gboolean metal) {
+    const guint shape = (1U << (MAPS_SHAPE - 1)) - 1, base = 7U << MAPS_REFINE_BASE;
+    if (run->pairs->model == MAPS_MODEL_CORE)
+        return 7U | base | 1U << MAPS_REFINE_METALLIC;
+    return metal ? shape | base : (1U << MAPS_REFINE_METALLIC) - 1;
+}
+
+static void store(const struct maps_fit_run *run, const struct maps_parameters *x,
+                  struct maps_texel *ret) {
+    maps_parameters_store(x, ret);
+    for (int c = 0; c < 3; c++) /* exactly 1, the value of a file without the extension */
+        if (run->pairs->model == MAPS_MODEL_CORE || ret->metallic >= 1)
+            ret->specular_colour[c] = 1;
+}
+
+/* Refines a texel without priors. */
+static void refine(struct maps_fit_run *run, struct maps_refiner *refiner, const float *rgb,
+                   gsize texel) {
+    static const struct maps_refine_prior none = {0};
+    struct maps_parameters x = maps_parameters_of(&run->fit->texels[texel]);
+    if (!maps_refiner_take(refiner, rgb, &run->fit->texels[texel], TRUE))
+        return;
+    if (run->pairs->model == MAPS_MODEL_FULL)
+        make_dielectric(&x);
+    run->costs[texel] = maps_refiner_run(refiner, &none, moving(run, FALSE), STEPS, &x);
+    store(run, &x, &run->fit->texels[texel]);
+}
+
+/* Refines a texel with the prior of its cluster and of the texels around it. */
+static void refine_again(struct maps_fit_run *run, struct maps_refiner *refiner, const float *rgb,
+                         gsize texel) {
+    const int width = (int)run->btf->layout.width, height = (int)run->btf->layout.height;
+    const gboolean metal = run->clusters->metal[run->clusters->labels[texel]];
+    const struct maps_refine_prior prior =
+        maps_clusters_prior(run->clusters, run->parameters, width, height, (int)texel);
+    struct maps_parameters own = run->parameters[texel], usual = prior.mean;
+    /* A texel without light has no costs. */
+    if (run->costs[texel] <= 0 || !maps_refiner_take(refiner, rgb, &run->fit->texels[texel], FALSE))
+        return;
+    const guint bits = moving(run, metal);
+    const double cost = maps_refiner_run(refiner, &prior, bits, STEPS_AGAIN, &own);
+    if (run->costs[texel] > LARGE * run->mean_cost) {
+        memcpy(usual.x, own.x, sizeof(float) * 2); /* the normal */
+        memcpy(usual.x + MAPS_REFINE_BASE, own.x + MAPS_REFINE_BASE, sizeof(float) * 3);
+        if (maps_refiner_run(refiner, &prior, bits, STEPS, &usual) < cost)
+            own = usual;
+    }
+    store(run, &own, &run->fit->texels[texel]);
+}
+
+static void maps_fit_texel(struct maps_fit_run *run, struct maps_solver *solver,
+                           struct maps_refiner *refiner, const float *rgb, gsize texel) {
     float starts[STARTS][MAPS_SHAPE];
     struct maps_solution solution = {0};
+    if (run->clusters) {
+        refine_again(run, refiner, rgb, texel);
+        return;
+    }
     for (int k = 0; k < STARTS; k++)
         memcpy(starts[k], run->mean, sizeof starts[k]);
     lambert(run->pairs, rgb, starts[1]);
@@ -119,8 +201,10 @@ static void maps_fit_texel(struct maps_fit_run *run, struct maps_solver *solver,
     }
     if (run->step)
         run->costs[texel / (gsize)run->step] = solution.cost;
-    else
+    else {
         maps_solver_colours(solver, rgb, &run->fit->layers, &solution, &run->fit->texels[texel]);
+        refine(run, refiner, rgb, texel);
+    }
 }
 
 static void maps_fit_block(int block, gpointer data) {
@@ -139,13 +223,19 @@ static void maps_fit_block(int block, gpointer data) {
         return;
     }
     struct maps_solver *solver = maps_solver_new(run->pairs);
+    struct maps_refiner *refiner = maps_refiner_new(run->pairs, &run->fit->layers);
     for (int t = 0; t < count; t++)
-        maps_fit_texel(run, solver, rgb + (gsize)t * size, first + (gsize)t);
+        maps_fit_texel(run, solver, refiner, rgb + (gsize)t * size, first + (gsize)t);
     maps_solver_free(solver);
+    maps_refiner_free(refiner);
 }
 
 static gboolean blocks(struct maps_fit_run *run, const struct work *work, int n, GError **error) {
-    if (!work_parallel(work, run->step ? "layers" : "fit", n, maps_fit_block, run, error))
+    if (!work_parallel(work,
+                       run->step       ? "layers"
+                       : run->clusters ? "refine"
+                                       : "fit",
+                       n, maps_fit_block, run, error))
         return FALSE;
     if (!run->error)
         return TRUE;
@@ -226,6 +316,23 @@ static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const
     return ok;
 }
 
+/* Refines all texels, with priors from the first fit. */
+static gboolean refine_all(struct maps_fit_run *run, const struct work *work, GError **error) {
+    const int width = (int)run->btf->layout.width, height = (int)run->btf->layout.height;
+    const int n = width * height;
+    run->parameters = g_new(struct maps_parameters, n);
+    for (int t = 0; t < n; t++) {
+        run->parameters[t] = maps_parameters_of(&run->fit->texels[t]);
+        run->mean_cost += run->costs[t] / n;
+    }
+    run->clusters = maps_clusters_new(run->parameters, width, height, run->pairs->model);
+    maps_clusters_set_metals(run->clusters, n, run->parameters);
+    const gboolean ok = blocks(run, work, (n + BLOCK - 1) / BLOCK, error);
+    g_clear_pointer(&run->clusters, maps_clusters_free);
+    g_clear_pointer(&run->parameters, g_free);
+    return ok;
+}
+
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error) {
     const struct btf_matrix *btf = of->btf;
@@ -254,7 +361,10 @@ struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_
         ok = choose(&run, pairs, work, error);
     if (ok) {
         maps_pairs_set_layers(pairs, &fit->layers);
-        ok = blocks(&run, work, (int)((n + BLOCK - 1) / BLOCK), error);
+        run.costs = g_new0(double, n);
+        ok = blocks(&run, work, (int)((n + BLOCK - 1) / BLOCK), error) &&
+             refine_all(&run, work, error);
+        g_free(run.costs);
     }
     for (gsize t = 0; ok && t < n; t++)
         fit->dark += fit->texels[t].base[0] <= 0 && fit->texels[t].base[1] <= 0 &&

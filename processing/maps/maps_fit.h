@@ -18,6 +18,12 @@
  *
  * In the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give the metallic value m.
  *
+ * The parameters of each texel are then refined together, by the colour difference that is seen
+ * (maps_fit_private.h): first without priors, with half of the pairs, and then with all pairs and
+ * the prior of the texel's cluster and of the texels around it. Except in the core model the
+ * clusters decide which texels are metals, so that metal and dielectric do not alternate from texel
+ * to texel.
+ *
  * Values that are NaN are left out. A texel without light is black. Any thread. */
 #pragma once
 
@@ -46,7 +52,7 @@ struct maps_fit {
  * BTF are 0 or missing, if no view and light are both 1.2° or more above the plane of the sample,
  * or if there is not enough memory. Fails also if the scratch file of the BTF cannot be read, or if
  * cancelled. The progress stages are "layers", only if layers is NULL and the model is
- * MAPS_MODEL_FULL, and "fit". */
+ * MAPS_MODEL_FULL, "fit" and "refine". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

@@ -1,5 +1,6 @@
-/* maps_fit.c, maps_pairs.c and maps_solver.c share the pairs of directions and the solver of one
- * texel. */
+/* What the files of the fit share: the pairs of directions (maps_pairs.c), the lobes
+ * (maps_frame.c), the solver of one texel (maps_solver.c), its refinement (maps_refine.c), and the
+ * priors of the refinement (maps_prior.c). */
 #pragma once
 
 #include "maps_fit.h"
@@ -40,6 +41,18 @@ struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_mod
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
 void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
 
+#define MAPS_MIN_LOG_ALPHA (-4.60517F) /* logarithm of the minimum α, MAPS_MIN_ROUGHNESS² */
+#define MAPS_MAX_NORMAL    0.85F       /* maximum of |(x, y)| of a normal */
+
+/* The frame of a shape, and α along t (at) and along b (ab). */
+struct maps_frame {
+    float n[3], t[3], b[3], direction[2], at, ab;
+};
+struct maps_frame maps_frame_of(const float shape[MAPS_SHAPE]);
+/* Computes the lobes of a frame for all pairs: diffuse is n·l, lobe is π D V n·l. */
+void maps_frame_lobes(const struct maps_frame *frame, const struct maps_pairs *pairs,
+                      float *restrict diffuse, float *restrict lobe);
+
 /* The buffers and weights with which texels are fitted, one after the other. One thread at a
  * time. */
 struct maps_solver;
@@ -62,3 +75,90 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
 void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret);
+
+/* Refines a fitted texel: all parameters together, by the colour difference that is seen.
+ *
+ * maps_solver.c fits the luminance first and the colours afterwards. This leaves diffuse and
+ * specular parts that are not separated, such as a brown diffuse part that is attributed to a wide
+ * highlight. The refinement minimises
+ *   Σ a_i √(|r_i|² + ½²) / Σ a_i  +  Σ_k ((x_k − μ_k) / σ_k)²
+ * over the pairs i of a view and a light. r_i is the difference of the model from the value in L*,
+ * a* and b*, divided by the tolerances S_L, S_C and S_C of CIEDE2000 at the value (with its factor
+ * 1 + G of a*). |r_i| is therefore about a CIEDE2000. The root makes large differences, such as
+ * those of shadows, count with their size instead of their square. a_i is v·z, in proportion to the
+ * area that the view shows. x are the parameters below, and μ and σ the prior.
+ *
+ * The Levenberg–Marquardt method minimises the sum with weights that are renewed in each step
+ * (iteratively reweighted least squares). Sheen and clear coat remain as they are. */
+
+/* The parameters of a texel in the refinement: the shape (MAPS_SHAPE), whose last is the specular
+ * weight w; the base colour; the dielectric's reflectance F = 0.04 specular_colour; metallic. */
+enum {
+    MAPS_REFINE_BASE = MAPS_SHAPE,
+    MAPS_REFINE_F0 = MAPS_REFINE_BASE + 3,
+    MAPS_REFINE_METALLIC = MAPS_REFINE_F0 + 3,
+    MAPS_REFINE_SIZE
+};
+struct maps_parameters {
+    float x[MAPS_REFINE_SIZE];
+};
+
+/* A prior: the means μ and 1/σ². A weight of 0 means that the parameter has no prior. */
+struct maps_refine_prior {
+    struct maps_parameters mean;
+    float weights[MAPS_REFINE_SIZE];
+};
+
+/* Buffers of one thread. */
+struct maps_refiner;
+struct maps_refiner *maps_refiner_new(const struct maps_pairs *pairs,
+                                      const struct maps_layers *layers);
+void maps_refiner_free(struct maps_refiner *refiner); /* NULL is ignored */
+
+/* Takes the values (pairs × 3) of a texel, or only half of them, and its sheen or clear coat. NaN
+ * is left out. Returns FALSE if there is no value. rgb is not needed after the call. */
+gboolean maps_refiner_take(struct maps_refiner *refiner, const float *rgb,
+                           const struct maps_texel *texel, gboolean half);
+/* Improves x in at most `steps` steps. Parameters whose bit is not in `moving` stay as they are.
+ * Returns the sum above: about the mean CIEDE2000, at least ½. */
+double maps_refiner_run(struct maps_refiner *refiner, const struct maps_refine_prior *prior,
+                        guint moving, int steps, struct maps_parameters *x);
+
+/* Convert between a texel and its parameters. maps_parameters_store() leaves sheen and coat as they
+ * are. */
+struct maps_parameters maps_parameters_of(const struct maps_texel *texel);
+void maps_parameters_store(const struct maps_parameters *from, struct maps_texel *ret);
+
+/* The prior of each texel: what its cluster and the texels around it are like. */
+
+#define MAPS_CLUSTERS 4 /* maximum number of clusters */
+
+/* Texels of one kind of surface, such as the threads of one direction or the grains of one
+ * mineral. The features by which they are found are the share of the diffuse part, the width of the
+ * lobe, and the square root of the lobe's reflectance (k-means). */
+struct maps_clusters {
+    int n;
+    guint8 *labels;                                /* of each texel, 0 … n − 1 */
+    struct maps_parameters medians[MAPS_CLUSTERS]; /* the median of each parameter */
+    /* whether the cluster is a metal: the median of the diffuse part is less than MAPS_METAL of all
+     * its texels reflect. All texels of a metal have metallic 1, all others 0. */
+    gboolean metal[MAPS_CLUSTERS];
+};
+#define MAPS_METAL 0.08F
+
+/* Finds the clusters of width × height texels. In the core model no cluster is a metal, because the
+ * metallic value is fitted. */
+struct maps_clusters *maps_clusters_new(const struct maps_parameters *texels, int width, int height,
+                                        enum maps_model model);
+void maps_clusters_free(struct maps_clusters *clusters); /* NULL is ignored */
+
+/* Makes the parameters those of a metal with the same lobe if its cluster is a metal. */
+void maps_clusters_set_metals(const struct maps_clusters *clusters, int n,
+                              struct maps_parameters *texels);
+
+/* Gives the prior of a texel. Its mean is the mean of the texels around it, weighted by their
+ * distance and by the difference of their features, and of the median of its cluster. Normal and
+ * base colour have no prior. */
+struct maps_refine_prior maps_clusters_prior(const struct maps_clusters *clusters,
+                                             const struct maps_parameters *texels, int width,
+                                             int height, int texel);

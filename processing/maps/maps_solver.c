@@ -17,8 +17,6 @@
 #define ROUNDS     3
 #define ENOUGH     1e-4  /* relative decrease of the cost below which a round ends */
 #define STEP       1e-2F /* step of the finite differences by which a shape is differentiated */
-#define MAX_NORMAL 0.85F /* maximum of |(x, y)| of a normal */
-#define MIN_COSINE 1e-3F
 #define MIN_WEIGHT 0.02F /* minimum of the specular weight w */
 /* weight of the priors of the factors, as a number of pairs whose column is 1 */
 #define WEAK          0.5
@@ -31,7 +29,6 @@
 
 /* The standard deviations of a shape's values in their priors. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
-static const float min_log = -4.60517F; /* logarithm of the minimum α, MAPS_MIN_ROUGHNESS² */
 
 struct maps_solver {
     const struct maps_pairs *pairs;
@@ -71,67 +68,6 @@ void maps_solver_free(struct maps_solver *solver) {
     g_free(solver);
 }
 
-/* The frame of a shape, and α along t (at) and along b (ab). */
-struct maps_frame {
-    float n[3], t[3], b[3], direction[2], at, ab;
-};
-
-static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
-    struct maps_frame ret;
-    const float length = hypotf(shape[0], shape[1]);
-    const float shrink = length > MAX_NORMAL ? MAX_NORMAL / length : 1;
-    const float nx = shape[0] * shrink, ny = shape[1] * shrink;
-    const float spread = hypotf(shape[3], shape[4]), angle = 0.5F * atan2f(shape[4], shape[3]);
-    const float dx = cosf(angle), dy = sinf(angle), along = dx * nx + dy * ny;
-    const float nz = sqrtf(1 - nx * nx - ny * ny);
-    float t[3] = {dx - along * nx, dy - along * ny, -along * nz};
-    const float size = sqrtf(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
-    ret.at = expf(CLAMP(shape[2] + spread, min_log, 0));
-    ret.ab = expf(CLAMP(shape[2] - spread, min_log, 0));
-    ret.direction[0] = dx;
-    ret.direction[1] = dy;
-    ret.n[0] = nx;
-    ret.n[1] = ny;
-    ret.n[2] = nz;
-    for (int i = 0; i < 3; i++)
-        ret.t[i] = t[i] / size;
-    ret.b[0] = ny * ret.t[2] - nz * ret.t[1];
-    ret.b[1] = nz * ret.t[0] - nx * ret.t[2];
-    ret.b[2] = nx * ret.t[1] - ny * ret.t[0];
-    return ret;
-}
-
-/* Computes the lobes of a frame for all pairs: solver->diffuse is n·l, solver->lobe is π D V
- * n·l. */
-static void maps_solver_columns(struct maps_solver *solver, const struct maps_frame *frame) {
-    const float *const *p = (const float *const *)solver->pairs->planes;
-    const struct maps_frame f = *frame;
-    const float inverse_t = 1 / f.at, inverse_b = 1 / f.ab, scale = 0.5F / (f.at * f.ab);
-    float *restrict diffuse = solver->diffuse, *restrict lobe = solver->lobe;
-    for (int i = 0; i < solver->n; i++) {
-        const float vx = p[MAPS_VX][i], vy = p[MAPS_VY][i], vz = p[MAPS_VZ][i];
-        const float lx = p[MAPS_LX][i], ly = p[MAPS_LY][i], lz = p[MAPS_LZ][i];
-        const float hx = p[MAPS_HX][i], hy = p[MAPS_HY][i], hz = p[MAPS_HZ][i];
-        const float nl = f.n[0] * lx + f.n[1] * ly + f.n[2] * lz;
-        const float nv = f.n[0] * vx + f.n[1] * vy + f.n[2] * vz;
-        const float nh = f.n[0] * hx + f.n[1] * hy + f.n[2] * hz;
-        const float th = (f.t[0] * hx + f.t[1] * hy + f.t[2] * hz) * inverse_t;
-        const float bh = (f.b[0] * hx + f.b[1] * hy + f.b[2] * hz) * inverse_b;
-        const float tv = (f.t[0] * vx + f.t[1] * vy + f.t[2] * vz) * f.at;
-        const float bv = (f.b[0] * vx + f.b[1] * vy + f.b[2] * vz) * f.ab;
-        const float tl = (f.t[0] * lx + f.t[1] * ly + f.t[2] * lz) * f.at;
-        const float bl = (f.b[0] * lx + f.b[1] * ly + f.b[2] * lz) * f.ab;
-        const float w = th * th + bh * bh + nh * nh;
-        const float cl = nl > MIN_COSINE ? nl : MIN_COSINE;
-        const float cv = nv > MIN_COSINE ? nv : MIN_COSINE;
-        const float both =
-            cl * sqrtf(tv * tv + bv * bv + cv * cv) + cv * sqrtf(tl * tl + bl * bl + cl * cl);
-        const float lit = nl > MIN_COSINE && nv > MIN_COSINE ? cl : 0;
-        diffuse[i] = lit;
-        lobe[i] = lit * scale / (w * w * both);
-    }
-}
-
 /* Returns the part of the light that Fresnel's factor of a dielectric leaves to the diffuse
  * lobe. */
 static inline float maps_solver_below(float weight, float f5) {
@@ -162,14 +98,14 @@ static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS
     static const double most[MAPS_COLUMNS] = {4, 1, 1};
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     const double least[MAPS_COLUMNS] = {0, core ? (double)MAPS_DIELECTRIC : 0, 0};
-    const struct maps_frame frame = maps_solver_frame(shape);
+    const struct maps_frame frame = maps_frame_of(shape);
     const float *f5 = solver->pairs->planes[MAPS_F5], *extra = solver->pairs->planes[MAPS_EXTRA];
     const float *y = solver->y, *weights = solver->weights;
     const float *diffuse = solver->diffuse, *lobe = solver->lobe;
     const float specular = shape[5];
     const double priors[MAPS_COLUMNS] = {0, (double)(MAPS_DIELECTRIC * specular), 0};
     float dd = 0, da = 0, de = 0, aa = 0, ae = 0, ee = 0, dy = 0, ay = 0, ey = 0, sum = 0;
-    maps_solver_columns(solver, &frame);
+    maps_frame_lobes(&frame, solver->pairs, solver->diffuse, solver->lobe);
     for (int i = 0; i < solver->n; i++) {
         const float u = weights[i], d = u * diffuse[i] * maps_solver_below(specular, f5[i]);
         const float a = u * lobe[i] * (1 - f5[i]), e = u * extra[i];
@@ -301,10 +237,10 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
 static void limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     const float length = hypotf(shape[0], shape[1]);
-    if (length > MAX_NORMAL)
+    if (length > MAPS_MAX_NORMAL)
         for (int k = 0; k < 2; k++)
-            shape[k] *= MAX_NORMAL / length;
-    shape[2] = CLAMP(shape[2], min_log, 0);
+            shape[k] *= MAPS_MAX_NORMAL / length;
+    shape[2] = CLAMP(shape[2], MAPS_MIN_LOG_ALPHA, 0);
     for (int k = 3; k < 5; k++)
         shape[k] = core ? 0 : CLAMP(shape[k], -2, 2);
     shape[5] = core ? 1 : CLAMP(shape[5], MIN_WEIGHT, 1);
@@ -548,7 +484,7 @@ static void colours_robust(struct maps_solver *solver, const float *rgb,
 void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret) {
-    const struct maps_frame frame = maps_solver_frame(solution->shape);
+    const struct maps_frame frame = maps_frame_of(solution->shape);
     const double d = (double)solution->factors[0], s = (double)solution->factors[1];
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     /* A reflectance of up to twice that of a dielectric is not attributed to a metal, if a specular
