@@ -73,6 +73,20 @@ void web_rig_call(WebRig *given, const char *method, WebRigDone back, gpointer d
     ask(NULL, back, data, g_str_equal(method, "Abort"));
 }
 
+/* Methods with arguments are refused, because each of them would need an answer of its own type. */
+void web_rig_call_with(WebRig *given, const char *method, GVariant *parameters, WebRigDone back,
+                       gpointer data) {
+    g_variant_unref(g_variant_ref_sink(parameters));
+    ask(NULL, back, data, TRUE);
+}
+
+void web_rig_call_files(WebRig *given, const char *method, GVariant *parameters, WebRigFiles back,
+                        gpointer data) {
+    g_autoptr(GError) error = g_error_new_literal(G_IO_ERROR, G_IO_ERROR_FAILED, "no");
+    g_variant_unref(g_variant_ref_sink(parameters));
+    back(NULL, NULL, error, data);
+}
+
 void web_rig_picture(WebRig *given, const char *camera, WebRigPicture back, gpointer data) {
     g_assert_true(g_utf8_validate(camera, -1, NULL));
     ask(back, NULL, data, strlen(camera) % 2);
