@@ -88,6 +88,14 @@ Other methods:
   $ mesorig compress S -m fields --components 4
   mesorig: fields cannot have 4 lobes; give 1 to 3 lobes
   [1]
+  $ mesorig compress S -m neural --components 8 --mips | sed 's/[0-9.]*[^0-9., ]*kB/…/g; s/off by [0-9.]*/off by …/; s/[0-9.]* %/… %/g; s/1:[0-9.e-]*/1:…/'
+  S/products/neural.exr: done in … s: neural planes of 8 channels, with relief, 4 mip levels, luminance off by … on average, error … % at the measured directions (… % before rounding), …, 1:… of the BTF in half floats; … on disk
+  $ mesorig info S/products/neural.exr | head -1 | sed 's/error .*/error …/'
+  neural planes of 8 channels: 8 × 8 texels, of 4 views × 4 lights; at the measured directions: error …
+  $ mesorig compress S -m neural --components 6
+  mesorig compress: --components must be 4, 8, 12 or 16
+  Usage: mesorig compress DIR
+  [2]
 
 Places where nothing can be written:
 

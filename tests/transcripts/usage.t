@@ -23,7 +23,7 @@ Bad usage ends with exit code 2, and the command that was meant is named.
   Usage: mesorig check DIR
   [2]
   $ mesorig compress S -s 4500B
-  mesorig compress: Unknown option -s; did you mean --size?
+  mesorig compress: Unknown option -s; did you mean --size or --samples or --seed?
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -c 4
