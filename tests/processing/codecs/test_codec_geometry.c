@@ -104,6 +104,45 @@ TEST(rest) {
     g_assert_cmpint(seen->points[0].view, ==, SEEN - 1);
 }
 
+/* A codec whose value is the view in R, G and B, moved to 0 … 1. */
+static void evaluate_view(gconstpointer model G_GNUC_UNUSED, const struct codec_query *query,
+                          const struct codec_texels *texels, float ret[3]) {
+    for (int c = 0; c < 3; c++)
+        ret[c] += texels->share[0] * (0.5F + 0.5F * query->view[c]);
+}
+
+/* A geometric codec gets the direction from each texel to the camera, other codecs get that of the
+ * layout. */
+TEST(evaluated) {
+    const struct wish wish = {.width = 40};
+    g_autofree char *session = near_field_make_session("evaluated", &views, &lights, &wish);
+    g_autoptr(BtfMatrix) btf = ok(btf_matrix_read(session, NULL, ERR));
+    g_autoptr(CodecGeometry) geometry = ok(codec_geometry_read(btf, ERR));
+    for (int i = 0; i < ALL * views.n * lights.n; i++) {
+        const int texel = i / (views.n * lights.n), view = i / lights.n % views.n;
+        double at[3], centre[3], to[3];
+        near_field_camera_at(&views, view, at);
+        near_field_texel_centre(texel, centre);
+        near_field_towards(at, centre, to);
+        for (int c = 0; c < 3; c++)
+            btf->values[3 * i + c] = (float)(0.5 + 0.5 * to[c]);
+    }
+    for (int geometric = 0; geometric < 2; geometric++) {
+        struct codec codec = material_btf_codec;
+        codec.evaluate = evaluate_view;
+        codec.geometric = geometric;
+        g_autoptr(Material) model = material_borrow("view", &codec, btf);
+        struct comparison *found =
+            ok(held_out_compare(btf, &(struct held_out){.geometry = geometry}, model, NULL, ERR));
+        g_test_message("geometric %d: %g", geometric, found->all.error);
+        if (geometric)
+            g_assert_cmpfloat(found->all.error, <, 1e-5);
+        else
+            g_assert_cmpfloat(found->all.error, >, 5e-3);
+        comparison_free(found);
+    }
+}
+
 /* Without a session, and without positions or an MDF. */
 TEST(nothing) {
     g_autoptr(BtfMatrix) none = btf_fixture_new("none", 2, 2, 3, 4);
