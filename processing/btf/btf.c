@@ -64,32 +64,60 @@ void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums) 
     }
 }
 
-gboolean btf_read_view(const char *path, const int *lights, int n_lights,
-                       const struct session_grid *grid, float *ret_rgb, GError **error) {
+#define PICTURES 16 /* number of pictures that are decoded together */
+
+static gboolean copy_picture(const struct exr_part *part, const struct session_grid *grid,
+                             const char *path, float *ret_rgb, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     const gsize texels = (gsize)grid->width * (gsize)grid->height;
-    struct exr_file *file = exr_read(path, error);
-    gboolean ok = file != NULL;
-    for (int light = 0; ok && light < n_lights; light++, ret_rgb += 3 * texels) {
-        g_autofree char *name = g_strdup_printf("light_%04d", lights[light]);
-        const struct exr_part *part = exr_file_part(file, name);
-        if (!part)
-            ok = data_error_fail(path, 0, error, "part %s is missing" AGAIN, name);
-        else if (part->width != grid->width || part->height != grid->height)
-            ok = data_error_fail(
-                path, 0, error,
-                "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN, name,
-                part->width, part->height, grid->width, grid->height);
-        for (gsize c = 0; ok && c < 3; c++) {
-            const float *plane = exr_part_plane(part, channels[c]);
-            ok = plane != NULL || data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN,
-                                                  name, channels[c]);
-            for (gsize i = 0; ok && i < texels; i++)
-                ret_rgb[3 * i + c] = plane[i];
+    if (part->width != grid->width || part->height != grid->height)
+        return data_error_fail(
+            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
+            part->name, part->width, part->height, grid->width, grid->height);
+    for (gsize c = 0; c < 3; c++) {
+        const float *plane = exr_part_plane(part, channels[c]);
+        if (!plane)
+            return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+                                   channels[c]);
+        for (gsize i = 0; i < texels; i++)
+            ret_rgb[3 * i + c] = plane[i];
+    }
+    return TRUE;
+}
+
+gboolean btf_read_view(const char *path, const int *lights, int n_lights,
+                       const struct session_grid *grid, float *ret_rgb, GError **error) {
+    const gsize picture = 3 * (gsize)grid->width * (gsize)grid->height;
+    g_autoptr(GHashTable) wanted = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autoptr(ExrReader) reader = exr_reader_new(path, error);
+    if (!reader)
+        return FALSE;
+    for (int i = 0; i < n_lights; i++)
+        g_hash_table_insert(wanted, g_strdup_printf("light_%04d", lights[i]), GINT_TO_POINTER(i));
+    for (const char *name; (name = exr_reader_name(reader, 0)) != NULL;) {
+        int n = 0;
+        while (n < PICTURES && name && g_hash_table_contains(wanted, name))
+            name = exr_reader_name(reader, ++n);
+        if (n == 0) {
+            exr_reader_skip(reader);
+            continue;
+        }
+        g_autoptr(ExrFile) file = exr_reader_next(reader, n, 0, error);
+        for (int i = 0; i < n; i++) {
+            const struct exr_part *part = file ? g_ptr_array_index(file->parts, (guint)i) : NULL;
+            gpointer at = part ? g_hash_table_lookup(wanted, part->name) : NULL;
+            if (!part || !copy_picture(part, grid, path,
+                                       ret_rgb + picture * (gsize)GPOINTER_TO_INT(at), error))
+                return FALSE;
+            g_hash_table_remove(wanted, part->name);
         }
     }
-    exr_file_free(file);
-    return ok;
+    for (int i = 0; i < n_lights; i++) {
+        g_autofree char *name = g_strdup_printf("light_%04d", lights[i]);
+        if (g_hash_table_contains(wanted, name))
+            return data_error_fail(path, 0, error, "part %s is missing" AGAIN, name);
+    }
+    return TRUE;
 }
 
 gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,

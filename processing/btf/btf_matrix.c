@@ -188,21 +188,17 @@ static gboolean fill_holes(const struct exr_part *part, float *const planes[COLO
 
 /* Copies planes[light · 3 + colour][texel] to rows of texels, first[texel · stride + light · 3 +
  * colour]. */
-gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
-                       const char *path, float *first, gsize stride, GError **error) {
-    const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
+gboolean btf_take_pictures(struct btf_matrix *btf, const struct exr_file *file, gsize first_light,
+                           const char *path, float *first, gsize stride, GError **error) {
+    const gsize n = file->parts->len * COLOURS, texels = btf_layout_texels(&btf->layout);
     g_autofree float **planes = g_new0(float *, n);
-    if (file->parts->len != btf->layout.lights.n)
-        return data_error_fail(
-            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
-            file->parts->len, btf->layout.lights.n);
-    for (gsize light = 0; light < btf->layout.lights.n; light++) {
-        const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
-        if (!check_light(btf, part, light, path, error))
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, i);
+        if (!check_light(btf, part, (int)(first_light + i), path, error))
             return FALSE;
         for (int c = 0; c < COLOURS; c++)
-            planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
-        if (!fill_holes(part, planes + light * COLOURS, path, &btf->holes, error))
+            planes[i * COLOURS + (guint)c] = exr_part_plane(part, channels[c]);
+        if (!fill_holes(part, planes + i * COLOURS, path, &btf->holes, error))
             return FALSE;
         struct btf_flag_counts counts = {0};
         btf_count_flags(part, &counts);
@@ -210,11 +206,39 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
         btf->shorter += counts.shorter;
         btf->predicted += counts.predicted;
     }
+    first += first_light * COLOURS;
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)
             first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
-    return direction(g_ptr_array_index(file->parts, 0), "view", path,
-                     &btf->layout.views.theta_deg[view], &btf->layout.views.phi_deg[view], error);
+    return TRUE;
+}
+
+gboolean btf_take_view_direction(struct btf_matrix *btf, const struct exr_part *part, int view,
+                                 const char *path, GError **error) {
+    return direction(part, "view", path, &btf->layout.views.theta_deg[view],
+                     &btf->layout.views.phi_deg[view], error);
+}
+
+gboolean btf_check_lights(const struct btf_matrix *btf, int n, const char *path, GError **error) {
+    return (gsize)n == btf->layout.lights.n ||
+           data_error_fail(path, 0, error,
+                           "the file has %d lights, but the file of the first view has %zu" AGAIN,
+                           n, btf->layout.lights.n);
+}
+
+gboolean btf_read_rows(struct btf_matrix *btf, int view, const char *path, int n_threads,
+                       float *first, gsize stride, GError **error) {
+    g_autoptr(ExrReader) reader = exr_reader_new(path, error);
+    if (!reader || !btf_check_lights(btf, exr_reader_parts(reader), path, error))
+        return FALSE;
+    for (gsize light = 0; light < btf->layout.lights.n; light += BTF_PICTURES) {
+        g_autoptr(ExrFile) file = exr_reader_next(reader, BTF_PICTURES, n_threads, error);
+        if (!file || !btf_take_pictures(btf, file, light, path, first, stride, error) ||
+            (light == 0 &&
+             !btf_take_view_direction(btf, g_ptr_array_index(file->parts, 0), view, path, error)))
+            return FALSE;
+    }
+    return TRUE;
 }
 
 static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
@@ -222,21 +246,22 @@ static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArra
     const gint64 begun_us = g_get_monotonic_time();
     const gsize n_views = btf->layout.views.n, texels = btf_layout_texels(&btf->layout);
     g_autofree float *buffer = NULL; /* values of one view, for the scratch file */
+    const int threads = work ? work->n_threads : 0;
+    g_autoptr(ExrFile) headers = exr_read_headers(g_ptr_array_index(paths, 0), error);
+    if (!headers || !begin(btf, memory, headers, g_ptr_array_index(paths, 0), error))
+        return FALSE;
+    const gsize n = btf->layout.lights.n * COLOURS;
     gboolean ok = TRUE;
     for (gsize view = 0; ok && view < n_views; view++) {
         const char *path = g_ptr_array_index(paths, view);
-        struct exr_file *file = exr_read(path, error);
-        ok = file && (view > 0 || begin(btf, memory, file, path, error));
-        const gsize n = btf->layout.lights.n * COLOURS;
-        if (ok && btf->values) {
-            ok = btf_take_view(btf, file, (int)view, path, btf->values + view * n, n * n_views,
+        if (btf->values) {
+            ok = btf_read_rows(btf, (int)view, path, threads, btf->values + view * n, n * n_views,
                                error);
-        } else if (ok) {
+        } else {
             buffer = buffer ? buffer : g_new(float, texels *n);
-            ok = btf_take_view(btf, file, (int)view, path, buffer, n, error) &&
+            ok = btf_read_rows(btf, (int)view, path, threads, buffer, n, error) &&
                  btf_scratch_write(btf->scratch, (int)view, buffer, error);
         }
-        exr_file_free(file);
         ok = ok && work_tell(work, "read", (int)view + 1, (int)n_views, begun_us, error);
     }
     return ok;

@@ -16,6 +16,7 @@ struct btf_shared {
     int first, end; /* this rank has the texels first … end − 1 */
     gsize *starts;  /* n_ranks + 1: first value of each rank within a view */
     float *mine;    /* this rank's values of one view */
+    int n_threads;  /* threads that decode a view */
 };
 
 /* Returns TRUE on all ranks if ok is TRUE on all ranks, otherwise FALSE on all ranks, with an
@@ -40,10 +41,9 @@ static gboolean read_round(struct btf_shared *shared, int from, float *buffer, G
     gboolean ok = TRUE;
     if ((gsize)view < btf->layout.views.n) {
         const char *path = g_ptr_array_index(shared->paths, (guint)view);
-        struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
-        ok = file &&
-             btf_take_view(btf, file, view, path, buffer, btf->layout.lights.n * COLOURS, error);
-        exr_file_free(file);
+        ok = session_check_product(path, error) &&
+             btf_read_rows(btf, view, path, shared->n_threads, buffer,
+                           btf->layout.lights.n * COLOURS, error);
     }
     if (!all_ok(team, ok, error))
         return FALSE;
@@ -125,6 +125,7 @@ struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *p
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_shared shared = {team, btf_open(path, FALSE, work, &paths, error)};
     shared.paths = paths;
+    shared.n_threads = work ? work->n_threads : 0;
     if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
         !btf_shared_read(&shared, work, error))
         g_clear_pointer(&shared.btf, btf_matrix_free);

@@ -123,6 +123,21 @@ struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);
 
+/* Reads a file some parts at a time, for files that are larger than memory. */
+typedef struct ExrReader ExrReader;
+/* Opens a file and reads the headers of all its parts. Fails as exr_read() does. */
+ExrReader *exr_reader_new(const char *path, GError **error);
+void exr_reader_free(ExrReader *reader); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrReader, exr_reader_free)
+int exr_reader_parts(const ExrReader *reader); /* number of parts of the file */
+/* Returns the name of the next part (ahead 0) or of a later one, or NULL after the last part. */
+const char *exr_reader_name(const ExrReader *reader, int ahead);
+void exr_reader_skip(ExrReader *reader); /* skips the next part */
+/* Returns the next n parts with their planes, or as many as are left. The parts are decoded in
+ * n_threads threads (0: one per processor). Several parts per thread are best. Returns NULL with an
+ * error if one of them cannot be read. exr_watch() has no effect. */
+struct exr_file *exr_reader_next(ExrReader *reader, int n, int n_threads, GError **error);
+
 /* Reads a picture that another program has made: the first part of its file. The returned part has
  * the size of the display window, and the pixels lie where the data window places them. Pixels
  * outside the display window are left out. (This function is not for Mesorig's own files. Their

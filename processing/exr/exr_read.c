@@ -6,6 +6,7 @@
 
 #include "base/error_details.h"
 #include "base/input_file.h"
+#include "base/work.h"
 
 #include <errno.h>
 #include <math.h>
@@ -26,6 +27,17 @@ static _Thread_local struct {
     gpointer data;
 } watcher;
 
+/* Bytes of a file, from `at` on. */
+struct window {
+    guint8 *bytes;
+    guint64 at;
+    gsize n;
+};
+
+/* The window of a thread of exr_reader_next(); NULL in other threads, which use the window of the
+ * source. Threads that read different parts of a file would otherwise fill one window in turns. */
+static _Thread_local struct window *own_window;
+
 struct source {
     const char *path;
     int fd;
@@ -37,10 +49,8 @@ struct source {
     gboolean cancelled, failed;
     gboolean placed; /* TRUE for exr_read_picture(): the part gets the size of its display window */
     struct exr_scratch scratch;
-    /* the bytes of the file from window_at to window_at + window_bytes */
-    guint8 *window;
-    guint64 window_at;
-    gsize window_bytes;
+    struct window window;
+    GMutex lock; /* protects message, reached, cancelled and failed */
 };
 
 void exr_watch(ExrWatch watch, gpointer data) {
@@ -85,18 +95,35 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
 }
 
 /* Reads the window at an offset. Returns FALSE at the end of the file and on errors. */
-static gboolean fill_window(struct source *source, guint64 offset) {
+static gboolean fill_window(struct source *source, struct window *window, guint64 offset) {
     gssize n;
 
-    if (!source->window)
-        source->window = g_malloc(WINDOW);
+    if (!window->bytes)
+        window->bytes = g_malloc(WINDOW);
     do
-        n = pread(source->fd, source->window, WINDOW, (off_t)offset);
+        n = pread(source->fd, window->bytes, WINDOW, (off_t)offset);
     while (n < 0 && errno == EINTR);
-    source->failed |= n < 0;
-    source->window_at = offset;
-    source->window_bytes = n > 0 ? (gsize)n : 0;
+    if (n < 0) {
+        g_mutex_lock(&source->lock);
+        source->failed = TRUE;
+        g_mutex_unlock(&source->lock);
+    }
+    window->at = offset;
+    window->n = n > 0 ? (gsize)n : 0;
     return n > 0;
+}
+
+/* Tells the callback of exr_watch() how far the file was read. Returns FALSE if reading was
+ * cancelled. */
+static gboolean tell_reached(struct source *source, gint64 end) {
+    g_mutex_lock(&source->lock);
+    source->reached = MAX(source->reached, MIN(end, source->size));
+    if (watcher.watch != NULL && source->size > 0)
+        source->cancelled |=
+            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
+    const gboolean go_on = !source->cancelled;
+    g_mutex_unlock(&source->lock);
+    return go_on;
 }
 
 /* Copies bytes from the window. OpenEXRCore reads a file line by line if it is not compressed, and
@@ -104,29 +131,24 @@ static gboolean fill_window(struct source *source, guint64 offset) {
 static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,
                            uint64_t offset, exr_stream_error_func_ptr_t error_cb) {
     struct source *source = data;
+    struct window *window = own_window ? own_window : &source->window;
     gsize done = 0;
 
     if (offset > G_MAXINT64 || (gint64)offset > source->size)
         return -1;
     /* The library may seek back to a header. The reported progress never decreases. */
-    const gint64 end = (gint64)(offset + MIN(size, (guint64)source->size));
-    source->reached = MAX(source->reached, MIN(end, source->size));
-    if (watcher.watch != NULL && source->size > 0)
-        source->cancelled |=
-            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
     /* A short read is returned instead of −1, because for a negative count OpenEXRCore 3.1 clears
      * memory before its buffer. */
-    if (source->cancelled)
+    if (!tell_reached(source, (gint64)(offset + MIN(size, (guint64)source->size))))
         return 0;
     while (done < size) {
         const guint64 at = offset + done;
 
-        if ((at < source->window_at || at >= source->window_at + source->window_bytes) &&
-            !fill_window(source, at))
+        if ((at < window->at || at >= window->at + window->n) && !fill_window(source, window, at))
             break;
-        const gsize from = (gsize)(at - source->window_at);
-        const gsize n = MIN(size - done, source->window_bytes - from);
-        memcpy((guint8 *)buffer + done, source->window + from, n);
+        const gsize from = (gsize)(at - window->at);
+        const gsize n = MIN(size - done, window->n - from);
+        memcpy((guint8 *)buffer + done, window->bytes + from, n);
         done += n;
     }
     return (int64_t)done;
@@ -139,8 +161,12 @@ static int64_t source_size(exr_const_context_t context, void *data) {
 static void source_message(exr_const_context_t context, exr_result_t code, const char *message) {
     void *data = NULL;
 
-    if (exr_get_user_data(context, &data) == EXR_ERR_SUCCESS && data)
-        g_strlcpy(((struct source *)data)->message, message, sizeof((struct source *)0)->message);
+    if (exr_get_user_data(context, &data) != EXR_ERR_SUCCESS || !data)
+        return;
+    struct source *source = data;
+    g_mutex_lock(&source->lock);
+    g_strlcpy(source->message, message, sizeof source->message);
+    g_mutex_unlock(&source->lock);
 }
 
 static void source_close(struct source *source) {
@@ -149,7 +175,8 @@ static void source_close(struct source *source) {
     if (source->fd >= 0)
         close(source->fd);
     exr_scratch_clear(&source->scratch);
-    g_free(source->window);
+    g_free(source->window.bytes);
+    g_mutex_clear(&source->lock);
 }
 
 /* Opens a file. Only regular files are opened; FIFOs and devices are refused. The library keeps a
@@ -161,6 +188,7 @@ static gboolean source_open(struct source *source, const char *path, GError **er
     exr_result_t rc;
 
     *source = (struct source){.path = path};
+    g_mutex_init(&source->lock);
     source->fd = input_file_open(path, G_MAXINT64, &bytes, &why);
     if (source->fd < 0) {
         input_file_propagate(why, EXR_ERROR, EXR_ERROR_IO, EXR_ERROR_FORMAT, error);
@@ -436,8 +464,9 @@ static gboolean chunk_is_sound(const struct source *source, const struct unpack 
            chunk->packed_size <= (guint64)source->size - chunk->data_offset;
 }
 
-static exr_result_t read_chunk(struct source *source, int index, struct unpack *unpack,
-                               exr_decode_pipeline_t *decode, int y, int lines, gboolean first) {
+static exr_result_t read_chunk(struct source *source, struct exr_scratch *scratch, int index,
+                               struct unpack *unpack, exr_decode_pipeline_t *decode, int y,
+                               int lines, gboolean first) {
     exr_chunk_info_t chunk;
     exr_result_t rc = exr_read_scanline_chunk_info(source->context, index, y, &chunk);
 
@@ -445,7 +474,7 @@ static exr_result_t read_chunk(struct source *source, int index, struct unpack *
         rc = first ? exr_decoding_initialize(source->context, index, &chunk, decode)
                    : exr_decoding_update(source->context, index, &chunk, decode);
     if (rc == EXR_ERR_SUCCESS && first)
-        exr_scratch_swap(&source->scratch, &decode->scratch_buffer_1, &decode->scratch_alloc_size_1,
+        exr_scratch_swap(scratch, &decode->scratch_buffer_1, &decode->scratch_alloc_size_1,
                          &decode->scratch_buffer_2, &decode->scratch_alloc_size_2);
     if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, unpack, decode, y, lines))
         rc = EXR_ERR_BAD_CHUNK_LEADER;
@@ -459,7 +488,10 @@ static exr_result_t read_chunk(struct source *source, int index, struct unpack *
         rc = EXR_ERR_BAD_CHUNK_LEADER;
     if (rc == EXR_ERR_SUCCESS)
         rc = exr_decoding_run(source->context, index, decode);
-    return source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
+    g_mutex_lock(&source->lock);
+    rc = source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
+    g_mutex_unlock(&source->lock);
+    return rc;
 }
 
 /* Allocates the planes. Pixels that the file does not hold are NaN. read_pixels() sets the others.
@@ -479,19 +511,24 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
     return TRUE;
 }
 
-/* Reads a part chunk by chunk. The necessary memory is checked before it is allocated. */
-static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
-                            const struct windows *windows, GError **error) {
-    exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
-    const exr_attr_box2i_t *data = &windows->data, *display = &windows->display;
-    const int height = window_height(data);
-    const struct exr_part stored = {
-        .width = window_width(data), .height = height, .n_channels = part->n_channels};
-    struct unpack unpack = {.part = part, .windows = windows};
+/* Finds how many lines a chunk of a part has, and checks the necessary memory before it is
+ * allocated. *left is the number of bytes of the file that may hold pixels of parts not yet read.
+ * The function subtracts the minimum number of bytes that the pixels of this part take in the
+ * file. */
+static gboolean reserve(struct source *source, int index, const struct exr_part *part,
+                        const struct windows *windows, gsize *left, int *ret_step, GError **error) {
+    const struct exr_part stored = {.width = window_width(&windows->data),
+                                    .height = window_height(&windows->data),
+                                    .n_channels = part->n_channels};
     const guint64 planes = exr_plane_bytes(part);
+    const gsize bytes = pixel_bytes(part, windows) / MAX_EXPANSION;
     int32_t step = 0;
-    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &step);
 
+    if (bytes > *left)
+        return fail(source, EXR_ERROR_TOO_LARGE, error,
+                    "the file is too short for the pixels of all its parts; copy the file again");
+    *left -= bytes;
+    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &step);
     if (rc != EXR_ERR_SUCCESS || step < 1)
         return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
     if (planes + exr_chunk_bytes(&stored, step) > source->memory)
@@ -503,41 +540,56 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
             part->name, part->width, part->height, part->n_channels, source->size,
             input_file_memory((guint64)source->size) >> 20);
     source->memory -= planes;
+    *ret_step = step;
+    return TRUE;
+}
+
+/* Reads a part chunk by chunk. Each chunk has `step` lines, see reserve(). */
+static gboolean read_pixels(struct source *source, struct exr_scratch *scratch, int index,
+                            struct exr_part *part, const struct windows *windows, int step,
+                            GError **error) {
+    exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
+    const exr_attr_box2i_t *data = &windows->data, *display = &windows->display;
+    const int height = window_height(data);
+    struct unpack unpack = {.part = part, .windows = windows};
+    exr_result_t rc = EXR_ERR_SUCCESS;
+
     if (!new_planes(source, part, error))
         return FALSE;
     if (data->min.x < display->min.x || data->max.x > display->max.x ||
         data->min.y < display->min.y || data->max.y > display->max.y)
-        unpack.line = g_new(float, stored.width);
+        unpack.line = g_new(float, window_width(data));
     for (int row = 0; rc == EXR_ERR_SUCCESS && row < height; row += step)
-        rc = read_chunk(source, index, &unpack, &decode, data->min.y + row, MIN(step, height - row),
-                        row == 0);
+        rc = read_chunk(source, scratch, index, &unpack, &decode, data->min.y + row,
+                        MIN(step, height - row), row == 0);
     g_free(unpack.line);
     if (decode.context)
-        exr_scratch_swap(&source->scratch, &decode.scratch_buffer_1, &decode.scratch_alloc_size_1,
+        exr_scratch_swap(scratch, &decode.scratch_buffer_1, &decode.scratch_alloc_size_1,
                          &decode.scratch_buffer_2, &decode.scratch_alloc_size_2);
     exr_decoding_destroy(source->context, &decode);
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* Reads a part's header, and its pixels unless left is NULL. *left is the number of bytes of the
- * file that may hold pixels of parts not yet read. The function subtracts the minimum number of
- * bytes that the pixels of this part take in the file. Returns NULL on error. */
+/* Reads a part's header, and its pixels unless left (see reserve()) is NULL. Returns NULL on
+ * error. */
 static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};
+    int step = 0;
 
-    if (!read_header(source, index, part, &windows, error))
+    if (!read_header(source, index, part, &windows, error) ||
+        (left && (!reserve(source, index, part, &windows, left, &step, error) ||
+                  !read_pixels(source, &source->scratch, index, part, &windows, step, error))))
         return NULL;
-    if (!left)
-        return g_steal_pointer(&part);
-    const gsize bytes = pixel_bytes(part, &windows) / MAX_EXPANSION;
-    if (bytes > *left) {
-        fail(source, EXR_ERROR_TOO_LARGE, error,
-             "the file is too short for the pixels of all its parts; copy the file again");
-        return NULL;
-    }
-    *left -= bytes;
-    return read_pixels(source, index, part, &windows, error) ? g_steal_pointer(&part) : NULL;
+    return g_steal_pointer(&part);
+}
+
+/* Returns FALSE with an error if the file has a part of this name already. */
+static gboolean check_name(struct source *source, const struct exr_file *file,
+                           const struct exr_part *part, GError **error) {
+    return !exr_file_part(file, part->name) ||
+           fail(source, EXR_ERROR_FORMAT, error,
+                "two parts have the name \"%s\"; copy the file again or make it again", part->name);
 }
 
 static struct exr_file *read_file(const char *path, gboolean pixels, GError **error) {
@@ -552,10 +604,7 @@ static struct exr_file *read_file(const char *path, gboolean pixels, GError **er
     for (int i = 0; ok && i < n; i++) {
         g_autoptr(ExrPart) part = one_part(&source, i, pixels ? &left : NULL, error);
 
-        ok = part && (!exr_file_part(file, part->name) ||
-                      fail(&source, EXR_ERROR_FORMAT, error,
-                           "two parts have the name \"%s\"; copy the file again or make it again",
-                           part->name));
+        ok = part && check_name(&source, file, part, error);
         if (ok)
             exr_file_add(file, g_steal_pointer(&part));
     }
@@ -569,6 +618,125 @@ struct exr_file *exr_read(const char *path, GError **error) {
 
 struct exr_file *exr_read_headers(const char *path, GError **error) {
     return read_file(path, FALSE, error);
+}
+
+/* The buffers with which a thread reads a part. */
+struct buffers {
+    struct exr_scratch scratch;
+    struct window window;
+};
+
+static void free_buffers(gpointer data) {
+    struct buffers *buffers = data;
+
+    exr_scratch_clear(&buffers->scratch);
+    g_free(buffers->window.bytes);
+    g_free(buffers);
+}
+
+struct ExrReader {
+    struct source source;
+    char *path;
+    struct exr_file *file;    /* the headers of all parts that were not given yet, in order */
+    struct windows *windows;  /* for each part of the file, like steps */
+    int *steps;               /* lines of a chunk */
+    int n, given;             /* number of parts, and of those that exr_reader_next() has given */
+    struct exr_file *pending; /* the parts that are being read */
+    GError **errors;          /* for each part of pending, its error or NULL */
+    GPtrArray *idle;          /* struct buffers that no thread uses; source.lock protects it */
+};
+
+void exr_reader_free(ExrReader *reader) {
+    if (!reader)
+        return;
+    source_close(&reader->source);
+    g_ptr_array_unref(reader->idle);
+    exr_file_free(reader->file);
+    g_free(reader->windows);
+    g_free(reader->steps);
+    g_free(reader->path);
+    g_free(reader);
+}
+
+ExrReader *exr_reader_new(const char *path, GError **error) {
+    g_autoptr(ExrReader) reader = g_new0(ExrReader, 1);
+
+    reader->path = g_strdup(path);
+    reader->file = exr_file_new();
+    reader->idle = g_ptr_array_new_with_free_func(free_buffers);
+    if (!source_open(&reader->source, reader->path, error))
+        return NULL;
+    exr_get_count(reader->source.context, &reader->n);
+    reader->windows = g_new0(struct windows, reader->n);
+    reader->steps = g_new0(int, reader->n);
+    gsize left = (gsize)reader->source.size;
+    for (int i = 0; i < reader->n; i++) {
+        g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
+        if (!read_header(&reader->source, i, part, &reader->windows[i], error) ||
+            !check_name(&reader->source, reader->file, part, error) ||
+            !reserve(&reader->source, i, part, &reader->windows[i], &left, &reader->steps[i],
+                     error))
+            return NULL;
+        exr_file_add(reader->file, g_steal_pointer(&part));
+    }
+    return g_steal_pointer(&reader);
+}
+
+int exr_reader_parts(const ExrReader *reader) {
+    return reader->n;
+}
+
+const char *exr_reader_name(const ExrReader *reader, int ahead) {
+    if ((guint)ahead >= reader->file->parts->len)
+        return NULL;
+    return ((const struct exr_part *)g_ptr_array_index(reader->file->parts, (guint)ahead))->name;
+}
+
+void exr_reader_skip(ExrReader *reader) {
+    exr_part_free(g_ptr_array_steal_index(reader->file->parts, 0));
+    reader->given++;
+}
+
+static void read_pending(int i, gpointer data) {
+    ExrReader *reader = data;
+    const int index = reader->given + i;
+    GMutex *lock = &reader->source.lock;
+
+    g_mutex_lock(lock);
+    struct buffers *own = reader->idle->len > 0
+                              ? g_ptr_array_steal_index(reader->idle, reader->idle->len - 1)
+                              : g_new0(struct buffers, 1);
+    g_mutex_unlock(lock);
+    own_window = &own->window;
+    read_pixels(&reader->source, &own->scratch, index, g_ptr_array_index(reader->pending->parts, i),
+                &reader->windows[index], reader->steps[index], &reader->errors[i]);
+    own_window = NULL;
+    g_mutex_lock(lock);
+    g_ptr_array_add(reader->idle, own);
+    g_mutex_unlock(lock);
+}
+
+struct exr_file *exr_reader_next(ExrReader *reader, int n, int n_threads, GError **error) {
+    const int some = MIN(n, reader->n - reader->given);
+    g_autofree GError **errors = reader->errors = g_new0(GError *, some + 1);
+    g_autoptr(ExrFile) pending = reader->pending = exr_file_new();
+    gboolean ok = TRUE;
+
+    for (int i = 0; i < some; i++)
+        exr_file_add(pending, g_ptr_array_steal_index(reader->file->parts, 0));
+    if (some > 0)
+        work_for_each(n_threads, some, read_pending, reader);
+    reader->given += some;
+    for (int i = 0; i < some; i++) {
+        if (errors[i] && ok)
+            g_propagate_error(error, g_steal_pointer(&errors[i]));
+        else if (errors[i])
+            g_clear_error(&errors[i]);
+        else
+            continue;
+        ok = FALSE;
+    }
+    return ok ? g_steal_pointer(&pending) : NULL;
 }
 
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error) {

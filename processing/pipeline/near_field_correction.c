@@ -49,7 +49,9 @@ static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct
     const gsize n_lights = btf->layout.lights.n, n_texels = (gsize)job->n_texels;
     g_autofree float *values = g_new(float, n_texels *n_lights *COLOURS);
     g_autofree float *rows = g_new(float, n_texels *n_lights *LANES);
-    if (!btf_take_view(btf, file, view, path, values, n_lights * COLOURS, error))
+    if (!btf_check_lights(btf, (int)file->parts->len, path, error) ||
+        !btf_take_pictures(btf, file, 0, path, values, n_lights * COLOURS, error) ||
+        !btf_take_view_direction(btf, g_ptr_array_index(file->parts, 0), view, path, error))
         return FALSE;
     for (gsize light = 0; light < n_lights; light++) {
         const float *mark = exr_part_plane(g_ptr_array_index(file->parts, (guint)light), "mark");

@@ -560,6 +560,57 @@ static void overwrite(const char *path, const char *bytes, gsize length) {
     close(fd);
 }
 
+/* Some parts at a time are the parts of the whole file; a part may be skipped. */
+TEST(reader) {
+    enum { PARTS = 23, WIDTH = 37, HEIGHT = 70 };
+    g_autofree char *path = in_folder("reader.exr"), *cut = in_folder("reader_cut.exr");
+    g_autoptr(ExrFile) file = exr_file_new();
+    for (int i = 0; i < PARTS; i++) {
+        g_autofree char *name = g_strdup_printf("part_%d", i);
+        struct exr_part *part = exr_part_new(name, WIDTH, HEIGHT, i % 2 ? rgb : one, EXR_HALF);
+        for (int c = 0; c < part->n_channels; c++)
+            for (int k = 0; k < WIDTH * HEIGHT; k++)
+                part->planes[c][k] = (float)((k * (i + 2) + c) % 1013) / 64;
+        exr_file_add(file, part);
+    }
+    ok(exr_write(path, file, EXR_PIZ, FALSE, ERR));
+    for (int threads = 0; threads < 4; threads++) {
+        g_autoptr(ExrReader) reader = ok(exr_reader_new(path, ERR));
+        g_assert_cmpint(exr_reader_parts(reader), ==, PARTS);
+        int next = 0;
+        for (const char *name; (name = exr_reader_name(reader, 0)) != NULL;) {
+            const struct exr_part *wanted = g_ptr_array_index(file->parts, (guint)next);
+            g_assert_cmpstr(name, ==, wanted->name);
+            if (next == 5) {
+                exr_reader_skip(reader);
+                next++;
+                continue;
+            }
+            g_autoptr(ExrFile) some = ok(exr_reader_next(reader, 5, threads, ERR));
+            g_assert_cmpuint(some->parts->len, ==, (guint)MIN(5, PARTS - next));
+            for (guint i = 0; i < some->parts->len; i++) {
+                const struct exr_part *part = g_ptr_array_index(some->parts, i);
+                const struct exr_part *like = g_ptr_array_index(file->parts, (guint)next++);
+                g_assert_cmpstr(part->name, ==, like->name);
+                g_assert_cmpint(part->n_channels, ==, like->n_channels);
+                for (int c = 0; c < part->n_channels; c++)
+                    g_assert_cmpmem(part->planes[c], sizeof(float) * WIDTH * HEIGHT,
+                                    like->planes[c], sizeof(float) * WIDTH * HEIGHT);
+            }
+        }
+        g_assert_cmpint(next, ==, PARTS);
+    }
+    g_autofree char *bytes = NULL;
+    gsize n = 0;
+    g_assert_true(g_file_get_contents(path, &bytes, &n, NULL));
+    g_assert_true(g_file_set_contents(cut, bytes, (gssize)(n - 100), NULL));
+    g_autoptr(GError) error = NULL;
+    g_autoptr(ExrReader) reader = ok(exr_reader_new(cut, ERR));
+    exr_file_free(ok(exr_reader_next(reader, PARTS - 1, 2, ERR)));
+    g_assert_null(exr_reader_next(reader, 1, 2, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+}
+
 TEST(truncated) {
     g_autofree char *path = in_folder("short.exr");
 
