@@ -1,4 +1,4 @@
-#include "eigenmaps.h"
+#include "eigenmaps_private.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -17,6 +17,7 @@ void eigenmaps_free(struct eigenmaps *maps) {
     btf_layout_clear(&maps->layout);
     g_free(maps->weights);
     g_free(maps->maps);
+    eigenmaps_file_free(maps->file);
     g_free(maps);
 }
 
@@ -28,6 +29,18 @@ static char *map_name(int term, gsize light) {
 static float *map(const struct eigenmaps *maps, int term, gsize light) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
+}
+
+/* Returns a map that may be in the file; it is then read to buffer. */
+static const float *read_values(const struct eigenmaps *maps, int term, gsize light, float *buffer,
+                                GError **error) {
+    const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
+    if (!maps->file)
+        return map(maps, term, light);
+    return eigenmaps_file_read(maps->file, n * ((gsize)term * maps->layout.lights.n + light), n,
+                               buffer, error)
+               ? buffer
+               : NULL;
 }
 
 /* Creates all parts of a file. The parts of the maps have no pixels yet. of_views are the weights,
@@ -60,10 +73,11 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
     int term = 0;
     gsize light = 0;
     sscanf(part->name, "E%d_light_%zu", &term, &light);
-    const float *rgb = map(maps, term, light);
-    for (gsize i = 0; i < texels * COLOURS; i++)
+    g_autofree float *buffer = maps->file ? g_new(float, texels *COLOURS) : NULL;
+    const float *rgb = read_values(maps, term, light, buffer, error);
+    for (gsize i = 0; rgb && i < texels * COLOURS; i++)
         part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
-    return TRUE;
+    return rgb != NULL;
 }
 
 /* The W_i are orthonormal, and the part of A that the maps lack is orthogonal to them. The squares
@@ -71,11 +85,13 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
 double eigenmaps_rounded_error(const struct eigenmaps *maps, double error) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     g_autofree guint16 *halves = g_new(guint16, n);
-    g_autofree float *rounded = g_new(float, n);
+    g_autofree float *rounded = g_new(float, n), *buffer = maps->file ? g_new(float, n) : NULL;
     double added = 0, all = 0;
     for (int term = 0; term < maps->n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++) {
-            const float *rgb = map(maps, term, light);
+            const float *rgb = read_values(maps, term, light, buffer, NULL);
+            if (!rgb)
+                return NAN;
             exr_half_from_floats(halves, rgb, n);
             exr_half_to_floats(rounded, halves, n);
             for (gsize i = 0; i < n; i++) {

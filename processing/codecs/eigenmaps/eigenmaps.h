@@ -17,7 +17,10 @@ struct eigenmaps {
     struct btf_layout layout;
     int n_terms;
     float *weights; /* W_i(v): n_terms × n_views */
-    float *maps;    /* E_i(x, y, l): n_terms × n_lights × height × width × 3 (R, G, B) */
+    /* E_i(x, y, l): n_terms × n_lights × height × width × 3 (R, G, B). NULL if the maps are in
+     * `file`; only eigenmaps_write() and eigenmaps_rounded_error() accept such maps. */
+    float *maps;
+    struct eigenmaps_file *file;
 };
 
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
@@ -34,6 +37,11 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
  * B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
+/* Callback that gives a part of a column: either n lights from light `first` on (n × height × width
+ * × 3), or n texels from texel `first` on (n_lights × n × 3). */
+typedef gboolean (*EigenmapsPart)(int view, gsize first, gsize n, float *ret, gpointer data,
+                                  GError **error);
+
 /* Allocates and computes weights and maps. The caller has set all other members. In each W_i, the
  * entry with the largest magnitude is positive. The result does not depend on the number of
  * threads. *ret_error is ‖A − Â‖_F / ‖A‖_F, where Â is the matrix that weights and maps give. If
@@ -45,7 +53,7 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
                            double *ret_error, GError **error);
 
 /* Returns ‖A − Â‖_F / ‖A‖_F for the maps as the file stores them, with E_i in half floats. error is
- * *ret_error of eigenmaps_compute(). */
+ * *ret_error of eigenmaps_compute(). Returns NaN if the file of the maps cannot be read. */
 double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
 
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
@@ -72,6 +80,13 @@ struct eigenmaps_options {
      * computation fails */
     double target;
     enum eigenmaps_method method;
+    /* NULL, or a folder for an unnamed file, in which the maps are kept as floats. The method is
+     * then randomised. After the first pass over the columns, maps and columns are computed in
+     * blocks, for which `memory` is the limit. The file has up to SPARE (8) maps more than the
+     * result. */
+    const char *folder;
+    EigenmapsPart part; /* required with folder, like lights */
+    gboolean lights;    /* whether blocks are of lights; otherwise they are of texels */
 };
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
                                 EigenmapsColumn column, gpointer data, double *ret_error,

@@ -42,15 +42,41 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     return TRUE;
 }
 
+/* Gives the values of n texels of a view, whose values are in a file. */
+static gboolean give_texels(int view, gsize first, gsize n, float *ret, gpointer data,
+                            GError **error) {
+    const struct columns *columns = data;
+    const struct btf_matrix *btf = columns->btf;
+    const gsize values = 3 * btf->layout.lights.n;
+    g_autofree float *buffer = btf->values ? NULL : g_new(float, ROWS *values);
+    if (g_cancellable_set_error_if_cancelled(columns->work ? columns->work->cancellable : NULL,
+                                             error))
+        return FALSE;
+    for (gsize done = 0; done < n; done += ROWS) {
+        const gsize rows = MIN(ROWS, n - done);
+        gsize stride;
+        const float *from =
+            btf_matrix_rows(btf, view, (int)(first + done), (int)rows, buffer, &stride, error);
+        if (!from)
+            return FALSE;
+        for (gsize row = 0; row < rows; row++)
+            for (gsize i = 0; i < values; i++)
+                ret[(i / 3 * n + done + row) * 3 + i % 3] = from[row * stride + i];
+    }
+    return TRUE;
+}
+
 struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
                                       const struct eigenmaps_options *options,
                                       const struct work *work, double *ret_error, GError **error) {
     struct columns columns = {.btf = btf, .work = work, .begun_us = g_get_monotonic_time()};
+    struct eigenmaps_options own = *options;
+    own.part = give_texels;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     maps->name = g_strdup(btf->name);
     maps->layout = btf_layout_copy(&btf->layout);
     maps->n_terms = n_terms;
-    if (!eigenmaps_compute_with(maps, options, give_column, &columns, ret_error, error))
+    if (!eigenmaps_compute_with(maps, &own, give_column, &columns, ret_error, error))
         g_clear_pointer(&maps, eigenmaps_free);
     return maps;
 }
@@ -74,25 +100,30 @@ static const struct option eigenmaps_codec_table[] = {
     {NULL},
 };
 
-/* Gives the maximum number of bytes for columns: the limit job->memory, less the bytes of all maps,
- * or of one map if has_target. Gives 0 (the default) if there is no limit. Fails if the limit does
- * not leave room for one column. */
-static gboolean memory(const struct codec_job *job, gboolean has_target, int terms, gsize *ret,
-                       GError **error) {
+/* Sets the limit of memory in options. It is job->memory, less the bytes of all maps, or of one map
+ * if has_target; 0 (the default) means no limit. If the limit does not leave room for one column
+ * next to the maps, the maps are kept in a file, and half of the limit is for blocks. Fails if the
+ * limit does not leave room for one column. */
+static gboolean limit_memory(const struct codec_job *job, gboolean has_target, int terms,
+                             struct eigenmaps_options *options, char **ret_folder, GError **error) {
     const struct btf_matrix *btf = job->btf;
     const gint64 column = btf_matrix_bytes(&btf->layout) / btf->layout.views.n;
     const gint64 left = job->memory - column * (has_target ? 1 : terms);
-    *ret = (gsize)MAX(left, 0);
+    options->memory = (gsize)MAX(left, 0);
     if (job->memory == 0 || left >= column)
         return TRUE;
-    g_autofree char *size = g_format_size((guint64)column);
+    options->memory = (gsize)job->memory / 2;
+    options->folder = *ret_folder = btf->directory
+                                        ? g_build_filename(btf->directory, "products", NULL)
+                                        : g_strdup(g_get_tmp_dir());
+    if (job->memory >= column)
+        return TRUE;
     g_autofree char *given = g_format_size((guint64)job->memory);
-    g_autofree char *least = g_format_size((guint64)(job->memory - left + column));
+    g_autofree char *least = g_format_size((guint64)column);
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "--memory gives %s, which is too little for %d %s of %zu × %zu texels and %zu "
-                "lights. Each takes %s, and reading one view takes as much; allow at least %s",
-                given, PLURAL(has_target ? 1 : terms, "eigen-map"), btf->layout.width,
-                btf->layout.height, btf->layout.lights.n, size, least);
+                "--memory gives %s, which is too little for one view of %zu × %zu texels and %zu "
+                "lights; allow at least %s",
+                given, btf->layout.width, btf->layout.height, btf->layout.lights.n, least);
     return FALSE;
 }
 
@@ -131,7 +162,8 @@ static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct cod
                       : asked->error > 0 ? n_views
                                          : MIN(TERMS, n_views);
     struct eigenmaps_options options = {.target = asked->error};
-    if (!memory(job, asked->error > 0, terms, &options.memory, error))
+    g_autofree char *folder = NULL;
+    if (!limit_memory(job, asked->error > 0, terms, &options, &folder, error))
         return FALSE;
     struct eigenmaps *maps = compute(job, terms, &options, ret, error);
     if (!maps)

@@ -127,10 +127,12 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
     job.rows = btf_layout_texels(&maps->layout) * COLOURS * maps->layout.lights.n;
     job.fit = MAX(
         (options->memory > 0 ? options->memory : EIGENMAPS_MEMORY) / (job.rows * sizeof(float)), 1);
-    const gboolean exact = options->method == EIGENMAPS_EXACT ||
-                           (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n);
+    const gboolean exact = !options->folder &&
+                           (options->method == EIGENMAPS_EXACT ||
+                            (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n));
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
+    g_clear_pointer(&maps->file, eigenmaps_file_free);
     /* BLAS uses one thread, because with more the last bits of the sums would depend on the number
      * of threads. */
     int threads = openblas_get_num_threads();

@@ -38,6 +38,7 @@ struct eigenmaps_randomised {
     /* found: eigenvalues of ZᵀZ, descending. Each is the part of ‖A‖² along one of the best
      * directions */
     double *squares_of;
+    struct eigenmaps_file *file; /* Z, found × job->rows, if it is in a file; otherwise NULL */
 };
 
 /* Returns 64 random bits for a counter (SplitMix64, Steele, Lea and Flood 2014). */
@@ -188,17 +189,19 @@ static void gram_segment(int segment, gpointer data) {
     }
 }
 
+static void new_gram(struct eigenmaps_randomised *r) {
+    g_free(r->gram);
+    r->gram = g_new0(double, SEGMENTS *(gsize)r->found *(gsize)r->found);
+}
+
 /* Finds the best directions within the span of the first `found` directions: the eigenvectors of
  * ZᵀZ, in columns. */
-static gboolean solve(struct eigenmaps_randomised *r, GError **error) {
+static gboolean solve_gram(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
     g_autofree double *ascending = g_new(double, n);
-    g_free(r->gram);
     g_free(r->squares_of);
-    r->gram = g_new0(double, SEGMENTS *square);
     r->squares_of = g_new(double, n);
-    work_for_each(0, SEGMENTS, gram_segment, r);
     for (gsize segment = 1; segment < SEGMENTS; segment++)
         for (gsize i = 0; i < square; i++)
             r->gram[i] += r->gram[segment * square + i];
@@ -207,6 +210,75 @@ static gboolean solve(struct eigenmaps_randomised *r, GError **error) {
     for (int i = 0; i < n; i++)
         r->squares_of[i] = MAX(ascending[n - 1 - i], 0);
     return TRUE;
+}
+
+static gboolean solve(struct eigenmaps_randomised *r, GError **error) {
+    new_gram(r);
+    work_for_each(0, SEGMENTS, gram_segment, r);
+    return solve_gram(r, error);
+}
+
+#define IN_BLOCK 16 /* maximum number of columns of a block that are in memory together */
+
+/* Computes the block of Z of n lights or n texels from `first` on, adds its products to ZᵀZ, and
+ * writes it to the file. */
+static gboolean project_block(struct eigenmaps_randomised *r, gsize first, gsize n,
+                              GError **error) {
+    const struct eigenmaps_job *job = r->job;
+    const gboolean by_lights = job->options->lights;
+    const gsize lights = job->maps->layout.lights.n, texels = job->rows / lights / 3;
+    memset(r->z, 0, sizeof(float) * r->rows * (gsize)r->found);
+    for (int view = 0; view < r->n_views; view += r->loaded) {
+        r->loaded = MIN(r->slots, r->n_views - view);
+        for (int i = 0; i < r->loaded; i++) {
+            if (!job->options->part(view + i, first, n, r->columns + r->rows * (gsize)i, job->data,
+                                    error))
+                return FALSE;
+            for (int j = 0; j < r->found; j++)
+                r->factors[j * r->slots + i] =
+                    (float)r->directions[(gsize)j * r->n_views + view + i];
+        }
+        work_for_each(0, SEGMENTS, project_segment, r);
+    }
+    work_for_each(0, SEGMENTS, gram_segment, r);
+    for (int j = 0; j < r->found; j++)
+        for (gsize light = 0; light < (by_lights ? 1 : lights); light++) {
+            const gsize at = by_lights ? first * texels * 3 : (light * texels + first) * 3;
+            const gsize some = by_lights ? r->rows : n * 3;
+            if (!eigenmaps_file_write(r->file, (gsize)j * job->rows + at, some,
+                                      r->z + (gsize)j * r->rows + light * some, error))
+                return FALSE;
+        }
+    return TRUE;
+}
+
+/* Does project() and solve() with Z in a file, for blocks of as many lights or texels as fit into
+ * memory. r->rows is the number of rows of a block. */
+static gboolean project_to_file(struct eigenmaps_randomised *r, GError **error) {
+    const struct eigenmaps_job *job = r->job;
+    const struct eigenmaps_options *options = job->options;
+    const gsize lights = job->maps->layout.lights.n, texels = job->rows / lights / 3;
+    const gsize n = options->lights ? lights : texels, unit = job->rows / n;
+    const gsize memory = options->memory > 0 ? options->memory : EIGENMAPS_MEMORY;
+    gboolean ok = TRUE;
+    r->slots = MIN(IN_BLOCK, r->n_views);
+    const gsize each = sizeof(float) * unit * (gsize)(r->slots + r->found);
+    const gsize block = CLAMP(memory / each, 1, n);
+    g_clear_pointer(&r->file, eigenmaps_file_free);
+    r->file = eigenmaps_file_new(options->folder, job->rows * (gsize)r->found, error);
+    g_free(r->columns);
+    g_free(r->z);
+    g_free(r->factors);
+    r->columns = g_new(float, unit *block *(gsize)r->slots);
+    r->z = g_new(float, unit *block *(gsize)r->found);
+    r->factors = g_new(float, (gsize)r->found *(gsize)r->slots);
+    new_gram(r);
+    for (gsize first = 0; r->file && ok && first < n; first += block) {
+        const gsize some = MIN(block, n - first);
+        r->rows = some * unit;
+        ok = project_block(r, first, some, error);
+    }
+    return r->file && ok && solve_gram(r, error);
 }
 
 /* Replaces Z by the maps: E = F Z, where F are the factors, terms × found. */
@@ -225,7 +297,26 @@ static void rotate_segment(int segment, gpointer data) {
     }
 }
 
-static void take(struct eigenmaps_randomised *r) {
+/* Does rotate_segment() for all of Z in the file, CHUNK · IN_BLOCK rows at a time. */
+static gboolean rotate_file(struct eigenmaps_randomised *r, GError **error) {
+    const gsize all = r->job->rows, terms = (gsize)r->job->maps->n_terms;
+    g_free(r->z);
+    r->z = g_new(float, (gsize)r->found *CHUNK *IN_BLOCK);
+    for (gsize from = 0; from < all; from += r->rows) {
+        r->rows = MIN(CHUNK * IN_BLOCK, all - from);
+        for (gsize i = 0; i < (gsize)r->found; i++)
+            if (!eigenmaps_file_read(r->file, i * all + from, r->rows, r->z + i * r->rows, error))
+                return FALSE;
+        work_for_each(0, SEGMENTS, rotate_segment, r);
+        for (gsize i = 0; i < terms; i++)
+            if (!eigenmaps_file_write(r->file, i * all + from, r->rows, r->z + i * r->rows, error))
+                return FALSE;
+    }
+    r->job->maps->file = g_steal_pointer(&r->file);
+    return TRUE;
+}
+
+static gboolean take(struct eigenmaps_randomised *r, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const int n = r->found, terms = maps->n_terms;
     g_autofree double *rotation = g_new0(double, (gsize)terms *n), *signs = g_new0(double, terms);
@@ -240,8 +331,11 @@ static void take(struct eigenmaps_randomised *r) {
     r->factors = g_new(float, (gsize)terms *n);
     for (int i = 0; i < terms * n; i++)
         r->factors[i] = (float)(signs[i / n] * rotation[i]);
+    if (r->file)
+        return rotate_file(r, error);
     work_for_each(0, SEGMENTS, rotate_segment, r);
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
+    return TRUE;
 }
 
 /* Searches the smallest number of terms whose error is at most the target, and takes it. If target
@@ -257,8 +351,9 @@ static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError
         rest += r->values[i];
     int wanted = eigenmaps_fewest(r->values, most, rest, target, &ignored);
     for (;; wanted = MIN(most, wanted + MAX(2, wanted / 4))) {
-        r->found = MIN(r->n_views, wanted + (int)MIN(SPARE, r->job->fit / 2));
-        if (!project(r, error) || !solve(r, error))
+        const gboolean in_file = r->job->options->folder != NULL;
+        r->found = MIN(r->n_views, wanted + (in_file ? SPARE : (int)MIN(SPARE, r->job->fit / 2)));
+        if (in_file ? !project_to_file(r, error) : !project(r, error) || !solve(r, error))
             return FALSE;
         rest = r->all;
         const int terms = MIN(most, r->found);
@@ -271,14 +366,13 @@ static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError
         if (wanted == most)
             return eigenmaps_missed(r->job, *ret_error, error);
     }
-    take(r);
-    return TRUE;
+    return take(r, error);
 }
 
 gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error) {
     struct eigenmaps_randomised r = {job, job->rows, job->maps->layout.views.n};
     const gsize spare = MIN(SPARE, job->fit / 2);
-    r.slots = (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
+    r.slots = job->options->folder ? 1 : (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
     r.columns = eigenmaps_new_columns(job, r.slots, error);
     const gboolean ok = r.columns && make_sketch(&r, error) && find_directions(&r, error) &&
                         search(&r, ret_error, error);
@@ -291,5 +385,6 @@ gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error
     g_free(r.factors);
     g_free(r.gram);
     g_free(r.squares_of);
+    eigenmaps_file_free(r.file);
     return ok;
 }

@@ -149,6 +149,72 @@ TEST(blocks) {
     g_free(matrix.values);
 }
 
+/* The matrix of give_part(), and how the rows are divided. */
+struct divided {
+    struct matrix matrix; /* first member: give_column() takes it */
+    gsize lights, texels;
+    gboolean by_lights;
+    gsize most; /* largest number of lights or texels that were requested together */
+};
+
+static gboolean give_part(int view, gsize first, gsize n, float *ret, gpointer data,
+                          GError **error) {
+    struct divided *divided = data;
+    const struct matrix *matrix = &divided->matrix;
+    const gsize lights = divided->by_lights ? n : divided->lights;
+    const gsize texels = divided->by_lights ? divided->texels : n;
+    divided->most = MAX(divided->most, n);
+    for (gsize light = 0; light < lights; light++)
+        for (gsize i = 0; i < texels * 3; i++) {
+            const gsize row = divided->by_lights ? (first + light) * divided->texels * 3 + i
+                                                 : light * divided->texels * 3 + first * 3 + i;
+            ret[light * texels * 3 + i] =
+                (float)matrix->values[row * (gsize)matrix->columns + (gsize)view];
+        }
+    return TRUE;
+}
+
+/* Maps in a file are those in memory, whether they are computed light by light or texel by texel.
+ * The file written from them has the same values. */
+TEST(in_file) {
+    enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 30, TERMS = 4 };
+    struct divided divided = {random_matrix(ROWS, VIEWS, 12, 0.1), 24, 20 * 16};
+    g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "maps.exr", NULL);
+    struct eigenmaps *memory = new_maps(20, 16, 24, VIEWS, TERMS);
+    const struct eigenmaps_options plain = {.memory = 20 * ROWS * sizeof(float),
+                                            .method = EIGENMAPS_RANDOMISED};
+    double error;
+    ok(eigenmaps_compute_with(memory, &plain, give_column, &divided.matrix, &error, ERR));
+    for (int by_lights = 0; by_lights < 2; by_lights++) {
+        struct eigenmaps *maps = new_maps(20, 16, 24, VIEWS, TERMS);
+        const struct eigenmaps_options options = {.memory = 8 * ROWS * sizeof(float),
+                                                  .folder = folder,
+                                                  .part = give_part,
+                                                  .lights = by_lights};
+        double in_file;
+        divided.by_lights = by_lights;
+        divided.most = 0;
+        ok(eigenmaps_compute_with(maps, &options, give_column, &divided, &in_file, ERR));
+        g_assert_cmpuint(divided.most, <, by_lights ? 24 : 320);
+        g_assert_null(maps->maps);
+        g_assert_cmpfloat_with_epsilon(in_file, error, 1e-6);
+        g_assert_cmpfloat_with_epsilon(eigenmaps_rounded_error(maps, in_file),
+                                       eigenmaps_rounded_error(memory, error), 1e-6);
+        ok(eigenmaps_write(path, maps, ERR));
+        eigenmaps_free(maps);
+        struct eigenmaps *read = ok(eigenmaps_read(path, ERR));
+        for (int i = 0; i < VIEWS * TERMS; i++)
+            g_assert_cmpfloat_with_epsilon(read->weights[i], memory->weights[i], 1e-5);
+        for (int i = 0; i < ROWS * TERMS; i++)
+            g_assert_cmpfloat_with_epsilon(read->maps[i], memory->maps[i], 4e-3);
+        eigenmaps_free(read);
+    }
+    remove_tree(folder);
+    eigenmaps_free(memory);
+    g_free(divided.matrix.values);
+}
+
 /* n_views columns of orthonormal times given singular values times orthonormal: rows are cosines,
  * so that nothing need be solved to know the truth. */
 static struct matrix known_matrix(int rows, int columns, const double *values, int n) {
