@@ -8,10 +8,13 @@
 #include "btf/btf.h"
 #include "codecs/lpca/lpca.h"
 #include "exr/exr.h"
+#include "exr/exr_half.h"
 
 #define COLOURS 3
 
 #define AGAIN "; process the session again"
+
+static const char *const channels[] = {"R", "G", "B"};
 
 /* The properties that all views of a session's BTF share. */
 struct source {
@@ -73,43 +76,80 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     return TRUE;
 }
 
-static gboolean read_view(const struct source *source, const char *path, float *ret_rgb,
-                          GError **error) {
-    static const char *const channels[] = {"R", "G", "B"};
+/* The views that are read together take at most this memory, in halves. */
+#define VIEWS_MEMORY ((gsize)576 << 20)
+#define MAX_TOGETHER 16
+#define PICTURES     16 /* number of pictures of a view that are read at a time */
+
+/* Views that are written together. */
+struct views {
+    int n;
+    guint16 *halves; /* n_texels × n × n_lights × 3 */
+};
+
+static gboolean check_picture(const struct source *source, const struct exr_part *part, int light,
+                              const char *path, GError **error) {
     const struct bonn_header *header = &source->header;
-    const gsize n = (gsize)header->width * (gsize)header->height;
-    g_autoptr(ExrFile) file = exr_read(path, error);
-    if (!file)
-        return FALSE;
-    if ((int)file->parts->len != header->n_lights)
+    float theta, phi;
+    if (part->width != header->width || part->height != header->height)
         return data_error_fail(
-            path, 0, error, "the file has %u lights, but the file of the first view has %d" AGAIN,
-            file->parts->len, header->n_lights);
-    for (int light = 0; light < header->n_lights; light++) {
-        const struct exr_part *part = file->parts->pdata[light];
-        float theta, phi;
-        if (part->width != header->width || part->height != header->height)
-            return data_error_fail(
-                path, 0, error,
-                "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN, part->name,
-                part->width, part->height, header->width, header->height);
-        for (gsize c = 0; c < COLOURS; c++) {
-            const float *plane = exr_part_plane(part, channels[c]);
-            if (!plane)
-                return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
-                                       channels[c]);
-            for (gsize i = 0; i < n; i++)
-                ret_rgb[((gsize)light * n + i) * COLOURS + c] = plane[i];
-        }
-        if (!direction(part, "light", path, &theta, &phi, error))
+            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
+            part->name, part->width, part->height, header->width, header->height);
+    for (gsize c = 0; c < COLOURS; c++)
+        if (!exr_part_plane(part, channels[c]))
+            return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+                                   channels[c]);
+    if (!direction(part, "light", path, &theta, &phi, error))
+        return FALSE;
+    if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
+        return data_error_fail(
+            path, 0, error,
+            "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first "
+            "view" AGAIN,
+            part->name, (double)theta, (double)phi, (double)header->light_theta_deg[light],
+            (double)header->light_phi_deg[light]);
+    return TRUE;
+}
+
+/* Copies pictures of the lights `light`, `light` + 1, … to view i of the views. */
+static gboolean take_pictures(const struct source *source, const struct exr_file *file, int light,
+                              const struct views *to, int i, const char *path, GError **error) {
+    const struct bonn_header *header = &source->header;
+    const gsize n = (gsize)header->width * (gsize)header->height, some = file->parts->len * COLOURS;
+    const gsize row = (gsize)header->n_lights * COLOURS;
+    const float *planes[PICTURES * COLOURS];
+    float values[PICTURES * COLOURS];
+    for (guint k = 0; k < file->parts->len; k++) {
+        const struct exr_part *part = file->parts->pdata[k];
+        if (!check_picture(source, part, light + (int)k, path, error))
             return FALSE;
-        if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
-            return data_error_fail(
-                path, 0, error,
-                "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first "
-                "view" AGAIN,
-                part->name, (double)theta, (double)phi, (double)header->light_theta_deg[light],
-                (double)header->light_phi_deg[light]);
+        for (gsize c = 0; c < COLOURS; c++)
+            planes[k * COLOURS + c] = exr_part_plane(part, channels[c]);
+    }
+    guint16 *at = to->halves + (gsize)i * row + (gsize)light * COLOURS;
+    for (gsize texel = 0; texel < n; texel++, at += (gsize)to->n * row) {
+        for (gsize k = 0; k < some; k++)
+            values[k] = planes[k][texel];
+        exr_half_from_floats(at, values, some);
+    }
+    return TRUE;
+}
+
+/* Reads a view to view i of the views. */
+static gboolean read_view(const struct source *source, const char *path, const struct views *to,
+                          int i, int n_threads, GError **error) {
+    const struct bonn_header *header = &source->header;
+    g_autoptr(ExrReader) reader = exr_reader_new(path, error);
+    if (!reader)
+        return FALSE;
+    if (exr_reader_parts(reader) != header->n_lights)
+        return data_error_fail(
+            path, 0, error, "the file has %d lights, but the file of the first view has %d" AGAIN,
+            exr_reader_parts(reader), header->n_lights);
+    for (int light = 0; light < header->n_lights; light += PICTURES) {
+        g_autoptr(ExrFile) file = exr_reader_next(reader, PICTURES, n_threads, error);
+        if (!file || !take_pictures(source, file, light, to, i, path, error))
+            return FALSE;
     }
     return TRUE;
 }
@@ -118,16 +158,24 @@ static gboolean write_views(const struct source *source, const char *file, const
                             GError **error) {
     const struct bonn_header *header = &source->header;
     const gint64 begun_us = g_get_monotonic_time();
-    const gsize n = (gsize)header->width * (gsize)header->height * (gsize)header->n_lights;
-    g_autofree float *rgb = g_new(float, n *COLOURS);
+    const int threads = work ? work->n_threads : 0;
+    const gsize n =
+        (gsize)header->width * (gsize)header->height * (gsize)header->n_lights * COLOURS;
+    const int together = (int)CLAMP(VIEWS_MEMORY / MAX(n * sizeof(guint16), 1), 1, MAX_TOGETHER);
+    struct views views = {.n = MIN(together, header->n_views)};
+    g_autofree guint16 *halves = views.halves = g_new(guint16, n * (gsize)views.n);
     g_autoptr(BonnWriter) writer = bonn_writer_new(file, header, NULL, error);
     if (!writer)
         return FALSE;
-    for (int view = 0; view < header->n_views; view++)
-        if (!read_view(source, source->paths->pdata[view], rgb, error) ||
-            !bonn_writer_view(writer, view, rgb, error) ||
-            !work_tell(work, "export", view + 1, header->n_views, begun_us, error))
+    for (int first = 0; first < header->n_views; first += views.n) {
+        views.n = MIN(views.n, header->n_views - first);
+        for (int i = 0; i < views.n; i++)
+            if (!read_view(source, source->paths->pdata[first + i], &views, i, threads, error) ||
+                !work_tell(work, "export", first + i + 1, header->n_views, begun_us, error))
+                return FALSE;
+        if (!bonn_writer_views(writer, first, views.n, halves, threads, error))
             return FALSE;
+    }
     return bonn_writer_finish(writer, error);
 }
 

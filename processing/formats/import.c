@@ -14,6 +14,8 @@
 #include "exr/exr.h"
 
 #define EIGENMAPS 4
+/* Eigen-maps that take more memory than this are kept in a file while they are computed. */
+#define MAPS_MEMORY ((gsize)512 << 20)
 
 static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
@@ -139,8 +141,8 @@ static struct exr_part *light_part(const struct import *import, int view, int li
     const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
     for (int i = 0; marks && i < r->width * r->height; i++)
         part->planes[3][i] = marks[i];
-    if (!marks &&
-        !(m->picture && holes > 0)) { /* a part has the channel “mark” only if a texel has a flag */
+    if (!marks && !(m->picture && !m->black_holes &&
+                    holes > 0)) { /* a part has the channel “mark” only if a texel has a flag */
         part->n_channels = 3;
         g_clear_pointer(&part->channels[3], g_free);
         g_clear_pointer(&part->planes[3], g_free);
@@ -163,6 +165,16 @@ static char *view_relative(int view) {
     return g_strdup_printf("products/btf/view_%04d.exr", view);
 }
 
+static gboolean check_holes(const struct import_material *m, int view, int light, int holes,
+                            GError **error) {
+    const gsize n = (gsize)m->width * (gsize)m->height;
+    return (double)holes <= IMPORT_MAX_HOLES * (double)n ||
+           data_error_fail(m->source, 0, error,
+                           "%d of %zu texels of view %d, light %d are missing or not numbers, "
+                           "but at most half may be; check the pictures of this view",
+                           holes, n, view, light);
+}
+
 static gboolean write_view(struct import *import, int view, float *rgb, int *holes,
                            GError **error) {
     const struct import_material *m = import->material;
@@ -175,11 +187,7 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
     gboolean ok = TRUE;
     for (int light = 0; ok && light < m->n_lights; light++) {
         import->holes += holes[light];
-        ok = (double)holes[light] <= IMPORT_MAX_HOLES * (double)n ||
-             data_error_fail(m->source, 0, error,
-                             "%d of %zu texels of view %d, light %d are missing or not numbers, "
-                             "but at most half may be; check the pictures of this view",
-                             holes[light], n, view, light);
+        ok = check_holes(m, view, light, holes[light], error);
         struct exr_part *part = light_part(import, view, light, holes[light]);
         copy_region(import, rgb + 3 * n * (gsize)light, part);
         exr_file_add(file, part);
@@ -202,32 +210,74 @@ static gboolean fill_picture(struct exr_part *part, gpointer data, GError **erro
                               part->n_channels > 3 ? part->planes[3] : NULL};
     int light = 0, holes;
     sscanf(part->name, "light_%d", &light);
-    return work_tell(import->work, "import", filled->view * m->n_lights + light,
-                     m->n_views * m->n_lights, import->begun_us, error) &&
-           m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
+    if (m->n_together > 0 ? g_cancellable_set_error_if_cancelled(import->work->cancellable, error)
+                          : !work_tell(import->work, "import", filled->view * m->n_lights + light,
+                                       m->n_views * m->n_lights, import->begun_us, error))
+        return FALSE;
+    return m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
 }
 
 /* Writes a view as write_view() does, but with only one picture in memory. The number of holes of a
  * part is written before its pixels. All pictures are therefore first read for their numbers of
  * holes. */
-static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
+static gboolean write_view_by_pictures(struct import *import, int view, gint64 *ret_holes,
+                                       GError **error) {
     const struct import_material *m = import->material;
     g_autofree char *relative = view_relative(view);
     g_autofree char *path = session_file(import->session, relative);
     g_autoptr(ExrFile) file = exr_file_new();
     struct import_view filled = {import, view};
+    *ret_holes = 0;
     for (int light = 0; light < m->n_lights; light++) {
         int holes = 0;
         if (g_cancellable_set_error_if_cancelled(import->work->cancellable, error) ||
-            !m->picture(view, light, &import->region, NULL, &holes, m->data, error))
+            !m->picture(view, light, &import->region, NULL, &holes, m->data, error) ||
+            (m->black_holes && !check_holes(m, view, light, holes, error)))
             return FALSE;
         struct exr_part *part = light_part(import, view, light, holes);
         exr_part_drop_planes(part);
         exr_file_add(file, part);
-        import->holes += holes;
+        *ret_holes += holes;
     }
-    return exr_write_filled(path, file, EXR_PIZ, FALSE, fill_picture, &filled, error) &&
-           session_add_product(import->session, relative, m->source, error);
+    return exr_write_filled(path, file, EXR_PIZ, FALSE, fill_picture, &filled, error);
+}
+
+static gboolean add_view(struct import *import, int view, gint64 holes, GError **error) {
+    g_autofree char *relative = view_relative(view);
+    import->holes += holes;
+    return session_add_product(import->session, relative, import->material->source, error);
+}
+
+/* Views that are written at the same time, each by one thread. */
+struct import_group {
+    struct import *import;
+    int first;
+    gint64 *holes;   /* for each view, like errors */
+    GError **errors; /* NULL if the view was written */
+};
+
+static void write_one_of_group(int i, gpointer data) {
+    const struct import_group *group = data;
+    write_view_by_pictures(group->import, group->first + i, &group->holes[i], &group->errors[i]);
+}
+
+static gboolean write_group(struct import *import, int first, int n, GError **error) {
+    const struct import_material *m = import->material;
+    g_autofree gint64 *holes = g_new0(gint64, n);
+    g_autofree GError **errors = g_new0(GError *, n);
+    struct import_group group = {import, first, holes, errors};
+    gboolean ok = m->load(first, n, m->data, error);
+    if (ok)
+        work_for_each(import->work->n_threads, n, write_one_of_group, &group);
+    for (int i = 0; i < n; i++)
+        if (errors[i] && ok) {
+            g_propagate_error(error, errors[i]);
+            ok = FALSE;
+        } else {
+            g_clear_error(&errors[i]);
+            ok = ok && add_view(import, first + i, holes[i], error);
+        }
+    return ok && work_tell(import->work, "import", first + n, m->n_views, import->begun_us, error);
 }
 
 /* Fills the eigen-map of a light if there is only one view: copies the picture of the BTF under
@@ -263,6 +313,16 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
                          ret_column, error);
 }
 
+/* Gives the pictures of n lights of a view. */
+static gboolean give_lights(int view, gsize first, gsize n, float *ret, gpointer data,
+                            GError **error) {
+    struct import *import = data;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    return !g_cancellable_set_error_if_cancelled(import->work->cancellable, error) &&
+           btf_read_view(path, import->lights + first, (int)n, &import->grid, ret, error);
+}
+
 static struct eigenmaps *new_eigenmaps(const struct import *import) {
     const struct import_material *m = import->material;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
@@ -285,7 +345,12 @@ static struct eigenmaps *new_eigenmaps(const struct import *import) {
 
 static gboolean write_computed(struct import *import, const char *path, struct eigenmaps *maps,
                                double *ret_error, GError **error) {
-    if (!eigenmaps_compute(maps, give_column, import, ret_error, error))
+    const gsize bytes = sizeof(float) * 3 * btf_layout_texels(&maps->layout) *
+                        maps->layout.lights.n * (gsize)maps->n_terms;
+    g_autofree char *products = session_file(import->session, "products");
+    const struct eigenmaps_options options = {
+        .folder = bytes > MAPS_MEMORY ? products : NULL, .part = give_lights, .lights = TRUE};
+    if (!eigenmaps_compute_with(maps, &options, give_column, import, ret_error, error))
         return FALSE;
     *ret_error = eigenmaps_rounded_error(maps, *ret_error);
     return eigenmaps_write(path, maps, error);
@@ -324,9 +389,17 @@ static gboolean copy_mdf(const struct import *import, GError **error) {
 
 static gboolean write_views(struct import *import, GError **error) {
     const struct import_material *m = import->material;
-    for (int view = 0; m->picture && view < m->n_views; view++)
-        if (!write_view_by_pictures(import, view, error))
+    for (int view = 0; m->n_together > 0 && view < m->n_views; view += m->n_together)
+        if (!write_group(import, view, MIN(m->n_together, m->n_views - view), error))
             return FALSE;
+    if (m->n_together > 0)
+        return TRUE;
+    for (int view = 0; m->picture && view < m->n_views; view++) {
+        gint64 holes;
+        if (!write_view_by_pictures(import, view, &holes, error) ||
+            !add_view(import, view, holes, error))
+            return FALSE;
+    }
     if (m->picture)
         return work_tell(import->work, "import", m->n_views * m->n_lights, m->n_views * m->n_lights,
                          import->begun_us, error);

@@ -81,6 +81,18 @@ const struct bonn_header *bonn_header(const BonnFile *file);
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
+/* Consecutive views of a BDI, in memory as halves. A file has the views of each texel together, so
+ * that several views are read in little more time than one. */
+typedef struct BonnViews BonnViews;
+/* Reads views first … first + n − 1 of a BDI. The work is divided among n_threads threads (0: one
+ * per processor). Returns NULL with an error as bonn_read_view() does. */
+BonnViews *bonn_views_read(const BonnFile *file, int first, int n, int n_threads, GError **error);
+void bonn_views_free(BonnViews *views); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnViews, bonn_views_free)
+/* Returns one picture of bonn_read_view(): height × width × 3. Returns the number of texels without
+ * values. Any thread. */
+int bonn_views_picture(const BonnViews *views, int view, int light, float *ret_rgb);
+
 /* Writes a BDI view by view, in any order. bonn_writer_finish() syncs the file and gives it its
  * name. */
 typedef struct BonnWriter BonnWriter;
@@ -97,6 +109,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 /* Writes one view. rgb has the layout of ret_rgb in bonn_read_view(). Values beyond ±65504 are
  * written as ±65504. */
 gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
+/* Writes views first … first + n − 1, with the texels divided among n_threads threads (0: one per
+ * processor). halves has n_texels × n × n_lights × 3 halves in the byte order of the file
+ * (exr_half_from_floats()), so that the n views of a texel are written together. */
+gboolean bonn_writer_views(BonnWriter *writer, int first, int n, const guint16 *halves,
+                           int n_threads, GError **error);
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
 
 /* One matrix M ≈ U · (S·V)ᵀ in row-major factors. */

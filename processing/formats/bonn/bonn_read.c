@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/input_file.h"
+#include "base/work.h"
 #include "exr/exr_half.h"
 
 /* Number of pixels of a view that are decoded together: some texels under all lights. */
@@ -254,4 +255,91 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
                                       ret_rgb + (light * n_texels + first) * BONN_CHANNELS);
     }
     return TRUE;
+}
+
+struct BonnViews {
+    const BonnFile *file;
+    int first, n;
+    guint16 *halves; /* n_texels × n × n_lights × 3, as in the file */
+    GMutex lock;     /* protects failed */
+    GError *failed;
+};
+
+#define READ_BLOCK 1024 /* number of texels that a thread reads at a time */
+
+static void read_block(int block, gpointer data) {
+    BonnViews *views = data;
+    const BonnFile *file = views->file;
+    const struct bonn_header *header = &file->header;
+    const gsize row = (gsize)header->n_lights * BONN_CHANNELS, each = row * (gsize)views->n;
+    const gsize n_texels = (gsize)header->width * (gsize)header->height;
+    const gsize from = (gsize)block * READ_BLOCK;
+    GError *failed = NULL;
+    for (gsize texel = from; !failed && texel < MIN(from + READ_BLOCK, n_texels); texel++) {
+        const gint32 stored = file->index.of_texel[texel];
+        if (stored < 0)
+            continue;
+        const gsize chunk = (gsize)stored / file->per_chunk;
+        const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
+                         (gsize)stored * abrdf_bytes(header) +
+                         (gsize)views->first * row * sizeof(guint16);
+        struct bonn_bytes bytes = {file->fd, G_MAXSIZE, at, file->path};
+        bonn_take(&bytes, each * sizeof(guint16), "chunk", views->halves + texel * each, &failed);
+    }
+    g_mutex_lock(&views->lock);
+    if (!views->failed)
+        views->failed = g_steal_pointer(&failed);
+    g_mutex_unlock(&views->lock);
+    g_clear_error(&failed);
+}
+
+void bonn_views_free(BonnViews *views) {
+    if (!views)
+        return;
+    g_mutex_clear(&views->lock);
+    g_clear_error(&views->failed);
+    g_free(views->halves);
+    g_free(views);
+}
+
+BonnViews *bonn_views_read(const BonnFile *file, int first, int n, int n_threads, GError **error) {
+    const struct bonn_header *header = &file->header;
+    const gsize texels = (gsize)header->width * (gsize)header->height;
+    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
+    g_return_val_if_fail(first >= 0 && n > 0 && first + n <= header->n_views, NULL);
+    g_autoptr(BonnViews) views = g_new0(BonnViews, 1);
+    views->file = file;
+    views->first = first;
+    views->n = n;
+    g_mutex_init(&views->lock);
+    views->halves = g_try_new(guint16, texels * (gsize)n * (gsize)header->n_lights * BONN_CHANNELS);
+    if (!views->halves) {
+        g_set_error(error, BONN_ERROR, BONN_ERROR_IO,
+                    "%s: there is no memory for %d of its views; close other programs, or import "
+                    "fewer texels",
+                    file->path, n);
+        return NULL;
+    }
+    work_for_each(n_threads, (int)((texels + READ_BLOCK - 1) / READ_BLOCK), read_block, views);
+    if (views->failed) {
+        g_propagate_error(error, g_steal_pointer(&views->failed));
+        return NULL;
+    }
+    return g_steal_pointer(&views);
+}
+
+int bonn_views_picture(const BonnViews *views, int view, int light, float *ret_rgb) {
+    const BonnFile *file = views->file;
+    const struct bonn_header *header = &file->header;
+    const gsize n_texels = (gsize)header->width * (gsize)header->height;
+    const gsize row = (gsize)header->n_lights * BONN_CHANNELS, each = row * (gsize)views->n;
+    const gsize at = (gsize)(view - views->first) * row + (gsize)light * BONN_CHANNELS;
+    int holes = 0;
+    for (gsize texel = 0; texel < n_texels; texel++) {
+        float channels[BONN_CHANNELS] = {NAN, NAN, NAN};
+        if (file->index.of_texel[texel] >= 0)
+            exr_half_to_floats(channels, views->halves + texel * each + at, BONN_CHANNELS);
+        holes += store(file, channels, 1, ret_rgb + texel * BONN_CHANNELS);
+    }
+    return holes;
 }

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/new_file.h"
+#include "base/work.h"
 #include "exr/exr_half.h"
 
 #define CHUNK_BYTES ((gsize)64 << 20) /* maximum size of a chunk of several lines */
@@ -159,6 +160,54 @@ gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError
             return FALSE;
     }
     return TRUE;
+}
+
+/* Some views that are written. */
+struct written {
+    const BonnWriter *writer;
+    int first, n;
+    const guint16 *halves;
+    GMutex lock; /* protects failed */
+    GError *failed;
+};
+
+#define WRITE_BLOCK 1024 /* number of texels that a thread writes at a time */
+
+static void write_block(int block, gpointer data) {
+    struct written *written = data;
+    const BonnWriter *writer = written->writer;
+    const gsize row = (gsize)writer->n_lights * BONN_CHANNELS, each = row * (gsize)written->n;
+    const gsize from = (gsize)block * WRITE_BLOCK;
+    GError *failed = NULL;
+    for (gsize texel = from; !failed && texel < MIN(from + WRITE_BLOCK, (gsize)writer->n_texels);
+         texel++) {
+        const gint32 stored = writer->index.of_texel[texel];
+        if (stored < 0)
+            continue;
+        const gsize chunk = (gsize)stored / writer->per_chunk;
+        put(&writer->output, written->halves + texel * each, each * sizeof(guint16),
+            writer->chunks_at + (chunk + 1) * sizeof(guint32) +
+                (gsize)stored * abrdf_bytes(writer) + (gsize)written->first * row * sizeof(guint16),
+            &failed);
+    }
+    g_mutex_lock(&written->lock);
+    if (!written->failed)
+        written->failed = g_steal_pointer(&failed);
+    g_mutex_unlock(&written->lock);
+    g_clear_error(&failed);
+}
+
+gboolean bonn_writer_views(BonnWriter *writer, int first, int n, const guint16 *halves,
+                           int n_threads, GError **error) {
+    struct written written = {.writer = writer, .first = first, .n = n, .halves = halves};
+    g_return_val_if_fail(first >= 0 && n > 0 && first + n <= writer->n_views, FALSE);
+    g_mutex_init(&written.lock);
+    work_for_each(n_threads, (writer->n_texels + WRITE_BLOCK - 1) / WRITE_BLOCK, write_block,
+                  &written);
+    g_mutex_clear(&written.lock);
+    if (written.failed)
+        g_propagate_error(error, written.failed);
+    return written.failed == NULL;
 }
 
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error) {

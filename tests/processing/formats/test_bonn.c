@@ -1,4 +1,5 @@
 /* Bonn's .btf files, against a reader and writer in Python that share nothing with ours. */
+#include "exr/exr_half.h"
 #include "formats/bonn/bonn.h"
 #include "lib/folder.h"
 #include "lib/ok.h"
@@ -59,6 +60,21 @@ static void assert_values(const BonnFile *file, const float *wanted, double tole
                                            tolerance);
         for (int light = 0; light < header->n_lights; light++)
             g_assert_cmpint(missing[light], ==, holes);
+    }
+    if (header->kind != BONN_BDI && header->kind != BONN_BDI_SPARSE)
+        return;
+    /* Several views together, picture by picture. */
+    const gsize picture = n / (gsize)header->n_lights;
+    for (int first = 0; first < header->n_views; first++) {
+        const int views_left = header->n_views - first;
+        g_autoptr(BonnViews) views = ok(bonn_views_read(file, first, views_left, 2, ERR));
+        for (int i = 0; i < views_left * header->n_lights; i++) {
+            const int view = first + i / header->n_lights, light = i % header->n_lights;
+            g_assert_cmpint(bonn_views_picture(views, view, light, rgb), ==, holes);
+            g_assert_cmpmem(rgb, picture * sizeof *rgb,
+                            wanted + (gsize)view * n + (gsize)light * picture,
+                            picture * sizeof *rgb);
+        }
     }
 }
 
@@ -142,6 +158,39 @@ static void test_write_bdi(gconstpointer data) {
     assert_values(file, values, 1e-9, sparse ? 15 : 0);
     g_assert_cmpstr(bonn_header(file)->setup, ==, "Prüfstand");
     g_assert_cmpfloat_with_epsilon((double)bonn_header(file)->light_phi_deg[4], 240, 1e-4);
+    bonn_header_clear(&header);
+}
+
+/* Views that are written together give the same file as views that are written one by one. */
+static void test_write_together(gconstpointer data) {
+    const gboolean sparse = GPOINTER_TO_INT(data);
+    struct bonn_header header = some_header(sparse ? BONN_BDI_SPARSE : BONN_BDI);
+    g_autofree char *single = in_folder("single.btf"), *together = in_folder("together.btf");
+    const gsize texels = 63, row = 5 * 3, view = texels * row;
+    g_autofree float *values = random_values(2 * view, 4);
+    g_autofree float *sorted = g_new(float, 2 * view);
+    g_autofree guint16 *halves = g_new(guint16, 2 * view);
+    guint8 mask[63];
+    for (gsize t = 0; t < texels; t++)
+        mask[t] = t % 5 != 3;
+    for (gsize v = 0; v < 2; v++) /* view, light, texel → texel, view, light */
+        for (gsize l = 0; l < 5; l++)
+            for (gsize t = 0; t < texels; t++)
+                memcpy(sorted + ((t * 2 + v) * 5 + l) * 3, values + v * view + (l * texels + t) * 3,
+                       3 * sizeof *sorted);
+    exr_half_from_floats(halves, sorted, 2 * view);
+    g_autoptr(BonnWriter) one = ok(bonn_writer_new(single, &header, mask, ERR));
+    g_assert_true(ok(bonn_writer_view(one, 0, values, ERR)));
+    g_assert_true(ok(bonn_writer_view(one, 1, values + view, ERR)));
+    g_assert_true(ok(bonn_writer_finish(one, ERR)));
+    g_autoptr(BonnWriter) both = ok(bonn_writer_new(together, &header, mask, ERR));
+    g_assert_true(ok(bonn_writer_views(both, 0, 2, halves, 2, ERR)));
+    g_assert_true(ok(bonn_writer_finish(both, ERR)));
+    g_autofree char *a = NULL, *b = NULL;
+    gsize a_bytes = 0, b_bytes = 0;
+    g_assert_true(g_file_get_contents(single, &a, &a_bytes, NULL));
+    g_assert_true(g_file_get_contents(together, &b, &b_bytes, NULL));
+    g_assert_cmpmem(a, a_bytes, b, b_bytes);
     bonn_header_clear(&header);
 }
 
@@ -355,6 +404,8 @@ BEFORE_TESTS {
     folder_make();
     g_test_add_data_func("/bonn/write/full", GINT_TO_POINTER(FALSE), test_write_bdi);
     g_test_add_data_func("/bonn/write/sparse", GINT_TO_POINTER(TRUE), test_write_bdi);
+    g_test_add_data_func("/bonn/write/full-together", GINT_TO_POINTER(FALSE), test_write_together);
+    g_test_add_data_func("/bonn/write/sparse-together", GINT_TO_POINTER(TRUE), test_write_together);
     g_test_add_data_func("/bonn/write/fmf", GINT_TO_POINTER(BONN_FMF), test_write_factors);
     g_test_add_data_func("/bonn/write/dfmf", GINT_TO_POINTER(BONN_DFMF), test_write_factors);
 }
