@@ -56,7 +56,8 @@ static gboolean parse_double(const struct option *option, const char *text, doub
     double value = g_ascii_strtod(text, &end);
     const gboolean number = *text && !*end && strspn(text, "0123456789+-.eE") == strlen(text);
     if (number && !isfinite(value))
-        return value_error(error, "%s is too large; give a smaller number", text);
+        return value_error(error, "the magnitude of %s is too large; give a number nearer to 0",
+                           text);
     if (!number)
         return value_error(error, "\"%s\" is not a number%s%s%s", text,
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
