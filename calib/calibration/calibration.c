@@ -204,8 +204,8 @@ static char *differ(const char *what, int index, const char *name, int fixed,
     static const char *const stands[] = {"is carried by the arc", "stands by itself"};
 
     if (strcmp(name, nominal_name) != 0)
-        return g_strdup_printf("%s %d is %s, but in the rig file it is %s", what, index, name,
-                               nominal_name);
+        return g_strdup_printf("%s %d, counted from 1, is %s, but in the rig file it is %s", what,
+                               index + 1, name, nominal_name);
     if (fixed != nominal_fixed)
         return g_strdup_printf("%s %s %s, but in the rig file it %s", what, name, stands[fixed],
                                stands[nominal_fixed]);
@@ -231,14 +231,14 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
-            why = g_strdup_printf(
-                "camera %d is %s with %d × %d pixels, but in the rig file it is %s with "
-                "%d × %d",
-                i, a->name, a->width, a->height, b->name, b->width, b->height);
+            why =
+                g_strdup_printf("camera %d, counted from 1, is %s with %d × %d pixels, but in the "
+                                "rig file it is %s "
+                                "with %d × %d",
+                                i + 1, a->name, a->width, a->height, b->name, b->width, b->height);
         else if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
             why = g_strdup_printf(
-                "camera %d, %s, has another place on the camera arm than in the rig file", i,
-                a->name);
+                "camera %s has another place on the camera arm than in the rig file", a->name);
     }
     for (int i = 0; i < rig->n_lamps && !why; i++)
         why = differ("lamp", i, rig->lamps[i].name, rig->lamps[i].fixed, nominal->lamps[i].name,

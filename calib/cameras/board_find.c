@@ -560,10 +560,13 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
     }
     if (corners->len >= MIN_CORNERS)
         return g_steal_pointer(&corners);
+    const char *what = board->circle_mm > 0            ? "circles"
+                       : board->print == BOARD_MARKERS ? "markers"
+                                                       : "squares";
     return refuse(error,
-                  "only %u corners of the board are clear enough, and at least %d are needed; more "
-                  "light, a sharper focus or larger squares help",
-                  corners->len, MIN_CORNERS);
+                  "only %u %s of the board are clear enough, and at least %d are needed; more "
+                  "light, a sharper focus or larger %s help",
+                  corners->len, board->circle_mm > 0 ? what : "corners", MIN_CORNERS, what);
 }
 
 struct points { /* points of a board in a picture, and the printed values there */

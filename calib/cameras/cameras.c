@@ -461,11 +461,14 @@ static void tell_unexplained(const struct cameras_work *work, GError **error) {
     g_clear_error(error);
     cameras_refuse(error, CAMERAS_ERROR_FIT,
                    "the boards do not fit the rig file: half of all corners are more than %.3g px "
-                   "from the places that the rig file predicts, and neither a reversed turntable, "
-                   "nor angles in radians, nor exchanged cameras explain this. Check theta_deg, "
-                   "phi_deg and distance_mm of each camera, the angles of the turntable, and "
-                   "whether every session is of one position of the board",
-                   work->unexplained_px);
+                   "from the places that the rig file predicts, and %s. Check theta_deg, "
+                   "phi_deg and distance_mm of each camera, %sand whether every session is of one "
+                   "position of the board",
+                   work->unexplained_px,
+                   work->task->no_turntable ? "exchanged cameras do not explain this"
+                                            : "neither a reversed turntable, nor angles in "
+                                              "radians, nor exchanged cameras explain this",
+                   work->task->no_turntable ? "" : "the angles of the turntable, ");
 }
 
 /* If free_boards is TRUE, only a lens is calibrated. The camera frame is then the rig frame, and

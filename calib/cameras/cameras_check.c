@@ -144,8 +144,8 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
             all += work->seen[i].camera == c;
         if (good < MIN_PICTURES && !cameras_is_predicted(work, c))
             return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                                  "camera %s: the board was found in %d of the camera's %d "
-                                  "pictures, and at least %d are needed; for example, %s",
+                                  "camera %s: only %d of the camera's %d pictures can be used, "
+                                  "and at least %d are needed; for example, %s",
                                   work->nominal.cameras[c].name, good, all, MIN_PICTURES,
                                   first_reason(work, c, FALSE));
     }
@@ -176,12 +176,17 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
     const double spread = sqrt(MAX(squares - sum * sum, 0));
     if (n == 0 || fabs(sum - 1) < MAX_SCALE || 3 * spread > fabs(sum - 1))
         return TRUE;
+    const struct board *board = &work->task->board;
     return cameras_refuse(
         error, CAMERAS_ERROR_FIT,
         "by these pictures, the cameras stand %.3f times as far away as in the rig file: measure "
-        "the squares of the board, which may have %.4g mm instead of %g mm; if the squares are "
-        "right, correct distance_mm of the cameras in the rig file",
-        sum, work->task->board.square_mm / sum, work->task->board.square_mm);
+        "the board, on which the distance from one %s to the next may be %.4g mm instead of %g mm; "
+        "if this distance is right, correct distance_mm of the cameras in the rig file",
+        sum,
+        board->circle_mm > 0            ? "row of circles"
+        : board->print == BOARD_MARKERS ? "marker"
+                                        : "square",
+        board->square_mm / sum, board->square_mm);
 }
 
 gboolean cameras_check_start(const struct cameras_work *work, GError **error) {

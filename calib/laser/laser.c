@@ -193,10 +193,10 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
             continue;
         if (l.high_mm - l.low_mm < MIN_HEIGHTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                        "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
-                        "not determine the angle of its sheet; sweep a second plane, at least %g "
-                        "mm higher or lower; heights are in millimetres",
-                        sweep_names[l.sweep], name, l.low_mm, MIN_HEIGHTS);
+                        "%s: the planes on which laser %s is seen have heights from %.3f to %.3f "
+                        "mm, which differ too little to determine the angle of its sheet; sweep a "
+                        "second plane, at least %g mm higher or lower; heights are in millimetres",
+                        sweep_names[l.sweep], name, l.low_mm, l.high_mm, MIN_HEIGHTS);
         else if (MIN(l.n_low, l.n_high) < MIN_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                         "%s: laser %s is seen in %d pixel(s) at %.3f mm and in %d at %.3f mm, and "

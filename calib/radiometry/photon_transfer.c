@@ -87,9 +87,10 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
     else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
                     "the mean brightnesses of the %s pair at %g µs differ by %.1f %%, and at most "
-                    "%g %% is allowed; let the lamps warm up, and keep other light out",
+                    "%g %% is allowed; %s, and keep other light out",
                     what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)),
-                    100 * ALIKE);
+                    100 * ALIKE,
+                    g_str_equal(what, "dark") ? "let the camera warm up" : "let the lamps warm up");
     else
         return TRUE;
     return FALSE;
@@ -208,11 +209,13 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     for (guint i = 0; i < points->len; i++)
         top = MAX(top, g_array_index(points, struct tile, i).mean);
     if (top < MIN_RANGE * (full_scale(fit) - fit->to->black_dn)) {
-        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                    "the brightest part of the lit pictures that is not saturated is %.0f DN above "
-                    "dark, and at least %.0f DN is needed; expose so that some pictures are "
-                    "between a third and two thirds of full scale, %.0f DN",
-                    top, MIN_RANGE * (full_scale(fit) - fit->to->black_dn), full_scale(fit));
+        g_set_error(
+            error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+            "the brightest part of the pictures that is below %.0f %% of full scale is %.0f "
+            "DN above dark, and at least %.0f DN is needed; expose so that some pictures "
+            "are between a third and two thirds of full scale, %.0f DN",
+            100 * TRANSFER_TOP, top, MIN_RANGE * (full_scale(fit) - fit->to->black_dn),
+            full_scale(fit));
         return FALSE;
     }
     for (int pass = 0; pass < 8; pass++) {

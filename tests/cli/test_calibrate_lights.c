@@ -180,15 +180,16 @@ TEST(lamps_then_laser) {
 /* After test_lamps_then_laser(), whose sessions it uses. */
 TEST(refused) {
     g_autofree char *here = in_folder("no.conf");
-    g_autofree char *one = RUN(1, "planes of one height only, 1.000 mm", "calibrate", "laser",
+    g_autofree char *one = RUN(1, "have heights from 1.000 to 1.000 mm", "calibrate", "laser",
                                "low.session", "-o", "no.conf");
     assert_has(one, "low.session/laser/");
     g_free(RUN(1, "of its description fits the shadows", "calibrate", "lights", "low.session", "-t",
                "target.conf", "-o", "no.conf"));
     g_free(RUN(1, "poles.session, poles.session: no laser sweeps were captured", "calibrate",
                "laser", "poles.session", "poles.session", "-o", "no.conf"));
-    g_free(RUN(1, "give one height from 0 to 1000 mm for each of the 2 sessions", "calibrate",
-               "laser", "low.session", "high.session", "--planes", "1;x", "-o", "no.conf"));
+    g_free(RUN(1, "give one height of at least 0 and less than 1000 mm for each of the 2 sessions",
+               "calibrate", "laser", "low.session", "high.session", "--planes", "1;x", "-o",
+               "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
                "two.calibration", "-o", "no.conf")); /* is not there */
     g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",

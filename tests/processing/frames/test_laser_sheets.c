@@ -33,8 +33,9 @@ TEST(one_height) {
     g_autoptr(GError) error = NULL;
     g_assert_false(sweep_measure(1, 48, 0, &poses, 1, &found, &scene, &error));
     g_assert_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE);
-    g_assert_nonnull(strstr(error->message, "sweep: laser s0 is seen on planes of one height only, "
-                                            "1.000 mm"));
+    g_assert_nonnull(strstr(error->message,
+                            "sweep: the planes on which laser s0 is seen have heights "
+                            "from 1.000 to 1.000 mm"));
     scene_free(scene);
 }
 
