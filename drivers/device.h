@@ -19,11 +19,11 @@
 GQuark device_error_quark(void); /* its errors carry details: base/error_details.h */
 
 enum device_error {
-    DEVICE_ERROR_RANGE,   /* the requested value is outside the device's limits; nothing moved */
-    DEVICE_ERROR_BUSY,    /* the device is still doing something else */
-    DEVICE_ERROR_TIMEOUT, /* the device did not answer before its deadline */
-    DEVICE_ERROR_DISCONNECTED, /* the device is no longer connected */
-    DEVICE_ERROR_STALLED,      /* an axis did not reach its target */
+    DEVICE_ERROR_RANGE,        /* the request cannot be carried out as given; nothing moved */
+    DEVICE_ERROR_BUSY,         /* the device does something else, or another program uses it */
+    DEVICE_ERROR_TIMEOUT,      /* the device did not answer before its deadline */
+    DEVICE_ERROR_DISCONNECTED, /* the device is not connected, or was reset */
+    DEVICE_ERROR_STALLED,      /* an axis did not reach its target, or left it */
     DEVICE_ERROR_INTERLOCK,    /* the interlock forbids light or motion */
     DEVICE_ERROR_PROTOCOL,     /* the answer of the device is invalid, or reports a failure */
     /* A frame that was not exposed after its trigger, or that was seen before. */

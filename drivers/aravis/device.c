@@ -14,7 +14,7 @@
 #define N_BUFFERS 6
 #define N_ASKED   5
 
-/* Bootstrap registers of the clock, which every GigE Vision camera has. */
+/* Bootstrap registers of the clock of a GigE Vision camera. */
 #define STAMP_CONTROL 0x0944
 #define STAMP_HIGH    0x0948
 #define STAMP_LOW     0x094c

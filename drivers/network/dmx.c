@@ -337,8 +337,10 @@ static void overtake(struct dmx *dmx, int index) {
         struct command *command = l->data;
         if (!command->ended && command->on && (index < 0 || command->index == index))
             end(dmx, command,
-                device_error_new(DEVICE_ERROR_BUSY, dmx->bank->device.who,
-                                 "“off” came before lamp %d was on", command->index));
+                device_error_new(
+                    DEVICE_ERROR_BUSY, dmx->bank->device.who,
+                    "“on” of lamp %d was given up, because “off” came before the lamp was on",
+                    command->index));
     }
 }
 

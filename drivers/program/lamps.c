@@ -55,8 +55,9 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
         check_lamps(bank, answer->values, index, on, &error);
     if (error && answer->overtaken) {
         g_clear_error(&error);
-        error = device_error_new(DEVICE_ERROR_BUSY, bank->device.who,
-                                 "“off” came before lamp %d was on", index);
+        error = device_error_new(
+            DEVICE_ERROR_BUSY, bank->device.who,
+            "“on” of lamp %d was given up, because “off” came before the lamp was on", index);
     }
     lamps_report(bank, index, on, error);
 }

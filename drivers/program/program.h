@@ -46,7 +46,8 @@ void program_need(const struct program_command *command, GPtrArray *to);
  * the deadline of the classes, so that the error of the program is reported. */
 #define PROGRAM_ANSWER_MS 1500
 
-/* Time without any request after which a program makes its device safe and ends. */
+/* Time without any request after which a program that can "silence" makes its device safe and
+ * ends. */
 #define PROGRAM_SILENCE_MS 10000
 
 enum program_turn {

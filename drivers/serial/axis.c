@@ -163,7 +163,7 @@ static gboolean turn(Axis *axis, double target_deg, double speed_deg_s, GError *
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
             "at %g° the numbers of the board are coarser than tolerance_deg" ERROR_ADVICE
-            "home the axis again",
+            "home the axis again, or raise tolerance_deg",
             target_deg);
     if (!with_subject(axis, gcode_client_move(priv->client, units, speed_deg_s * scale, error),
                       error))

@@ -245,8 +245,10 @@ static void overtake(struct serial_lamps *lamps, const struct request *off) {
         request->not_again = TRUE;
         if (request->number == 0)
             end(lamps, request,
-                device_error_new(DEVICE_ERROR_BUSY, lamps->bank->device.who,
-                                 "“off” came before lamp %d was on", request->index));
+                device_error_new(
+                    DEVICE_ERROR_BUSY, lamps->bank->device.who,
+                    "“on” of lamp %d was given up, because “off” came before the lamp was on",
+                    request->index));
     }
 }
 

@@ -464,7 +464,7 @@ static gboolean tic_turn(Axis *axis, double target_deg, double speed_deg_s, GErr
     if (fabs(steps) > MAX_STEPS)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° is %.0f microsteps from 0, and the Tic counts to %.0f" ERROR_ADVICE
+            "%g° is %.0f microsteps from home_deg, and the Tic counts to %.0f" ERROR_ADVICE
             "home the axis again",
             target_deg, steps, MAX_STEPS);
     tic->n_commands++;
