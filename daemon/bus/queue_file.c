@@ -186,7 +186,8 @@ static gboolean take_text(Queue *queue, const char *text, gsize length, GError *
         return FALSE;
     if (g_key_file_get_integer(from, "queue", "version", NULL) != VERSION) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[queue] version is not %d: another version of mesorigd has written this file",
+                    "[queue] version is not %d: the file is damaged, or another version of "
+                    "mesorigd has written it",
                     VERSION);
         return FALSE;
     }

@@ -79,9 +79,10 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
         if (!strcmp(a->name, b->name) && a->width == b->width && a->height == b->height)
             continue;
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: camera %d was %s with %d × %d pixels when the session was begun and is %s "
+                    "%s: camera %d, counted from 1, was %s with %d × %d pixels when the session "
+                    "was begun and is %s "
                     "with %d × %d now; use the rig file of the session",
-                    path, c, a->name, a->width, a->height, b->name, b->width, b->height);
+                    path, c + 1, a->name, a->width, a->height, b->name, b->width, b->height);
         return FALSE;
     }
     for (guint i = 0; i < shots->len; i++) {

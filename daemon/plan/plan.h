@@ -88,7 +88,7 @@ struct plan {
 #define PLAN_ERROR plan_error_quark()
 GQuark plan_error_quark(void);
 enum plan_error {
-    /* no camera at the given elevation; the message lists the elevations of the rig */
+    /* no camera at the given polar angle; the message lists those of the rig */
     PLAN_ERROR_NO_CAMERA,
     PLAN_ERROR_NO_LAMP,
     PLAN_ERROR_NO_LASER,

@@ -78,14 +78,15 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
                              GError **error) {
     g_autoptr(GString) there = g_string_new(NULL);
     g_autofree char *where = NULL;
-    gboolean elevation = FALSE;
+    gboolean same_theta = FALSE;
     int n = 0;
 
-    for (int i = 0; i < candidates->n && !elevation; i++)
-        elevation = fabs(candidates->list[i].theta_deg - theta_deg) <= PLAN_TOLERANCE_DEG;
+    for (int i = 0; i < candidates->n && !same_theta; i++)
+        same_theta = fabs(candidates->list[i].theta_deg - theta_deg) <= PLAN_TOLERANCE_DEG;
     for (int i = 0; i < candidates->n; i++) {
         const struct candidate *c = &candidates->list[i];
-        if ((elevation && fabs(c->theta_deg - theta_deg) > PLAN_TOLERANCE_DEG) || n++ >= MAX_LISTED)
+        if ((same_theta && fabs(c->theta_deg - theta_deg) > PLAN_TOLERANCE_DEG) ||
+            n++ >= MAX_LISTED)
             continue;
         g_string_append_printf(there, "%s%.4g°", n > 1 ? ", " : "", c->theta_deg);
         if (c->fixed)
@@ -94,16 +95,16 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
     }
     if (n > MAX_LISTED)
         g_string_append_printf(there, " and %d more", n - MAX_LISTED);
-    where = elevation ? g_strdup_printf(" and azimuth %g° at any angle of the turntable that the "
-                                        "views need",
-                                        phi_deg)
-                      : g_strdup("");
+    where = same_theta ? g_strdup_printf(" and azimuth %g° at any angle of the turntable that the "
+                                         "views need",
+                                         phi_deg)
+                       : g_strdup("");
     plan_set_error(error, candidates->missing, candidates->conf, candidates->section, NULL,
-                   "no %s stands at elevation %g°%s (within %g°); there are: %s. Change the rings "
+                   "no %s stands at theta %g°%s (within %g°); there are: %s. Change the rings "
                    "in the session file%s, or the rig file",
                    candidates->kind, theta_deg, where, PLAN_TOLERANCE_DEG,
                    candidates->n ? there->str : "none",
-                   elevation ? ", or write devices = all for the directions that there are" : "");
+                   same_theta ? ", or write devices = all for the directions that there are" : "");
     return FALSE;
 }
 
@@ -119,7 +120,7 @@ static int find_angle(const GArray *angles, gint64 udeg, const struct candidate 
     return -1;
 }
 
-/* Returns whether a device and a direction of the same elevation theta_deg are within
+/* Returns whether a device and a direction of the same polar angle theta_deg are within
  * PLAN_TOLERANCE_DEG of each other. udeg is the difference of their azimuths. */
 static gboolean is_near(gint64 udeg, double theta_deg) {
     const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
@@ -128,7 +129,7 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
 }
 
 /* Returns the index of the device for a direction, and the angle that shows the direction.
- * Considers only devices at the elevation of the direction that are not fixed, and returns −1 if
+ * Considers only devices at the polar angle of the direction that are not fixed, and returns −1 if
  * there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
  * preferred whose angle is already in angles, so that no pose is added. If the rig has no
  * turntable, the device must already stand near the direction. */
@@ -283,8 +284,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         g_array_index(angles, struct plan_angle, at).arm_udeg = candidate->arm_udeg;
     }
     if (fabs(candidate->theta_deg - theta_deg) > 1e-6)
-        d.note =
-            g_strdup_printf("%s stands at elevation %.4g°", candidate->name, candidate->theta_deg);
+        d.note = g_strdup_printf("%s stands at theta %.4g°", candidate->name, candidate->theta_deg);
     if (limits) {
         d.turntable_deg = (double)udeg / UDEG;
         camera_set_add(&g_array_index(angles, struct plan_angle, at).cameras, d.device);

@@ -72,7 +72,7 @@ gboolean plan_add_directions(struct plan_build *b, GError **error);
 int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
                       double phi_deg, double turntable_deg, double *ret_off_deg);
 /* Maximum angle between a direction of the plan and the fixed device that gives it. It is also the
- * maximum difference between the elevation of a ring and the elevation of a camera, lamp or laser.
+ * maximum difference between the polar angle of a ring and that of a camera, lamp or laser.
  */
 #define PLAN_TOLERANCE_DEG 0.5
 

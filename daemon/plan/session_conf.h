@@ -11,7 +11,7 @@
 
 /* A session file gives directions as rings, or names devices whose directions, with turntable and
  * arc at 0, are used. */
-struct ring { /* directions of one elevation: φ = offset + k·360/count */
+struct ring { /* directions of one polar angle: φ = offset + k·360/count */
     double theta_deg, offset_deg;
     int count;
 };

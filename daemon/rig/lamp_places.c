@@ -111,10 +111,11 @@ static gboolean set_vector(struct lamp_place *lamp, const double v[3], double di
     lamp->phi_deg = atan2(v[1], v[0]) * DEG;
     lamp->distance_mm = distance_mm > 0 ? distance_mm : length;
     if (!(length > 0) || lamp->theta_deg > MAX_THETA_DEG)
-        return data_error_fail(path, line, error,
-                               "%g %g %g is not above the turntable's top; z points upwards and "
-                               "must be more than 0",
-                               v[0], v[1], v[2]);
+        return data_error_fail(
+            path, line, error,
+            "%g %g %g is not above the turntable's top, or has a theta of more than "
+            "%g°; z points upwards; give a larger z",
+            v[0], v[1], v[2], MAX_THETA_DEG);
     if (distance_mm == 0 && length <= UNIT_LENGTH)
         return data_error_fail(path, line, error,
                                "%g %g %g has the length %.3g; if these are directions, give "
@@ -180,8 +181,11 @@ static gboolean read_list(GArray *lamps, const struct lamp_place *otherwise, con
             return FALSE;
         }
     }
-    return (count_line > 0 && lamps->len == count) ||
-           data_error_fail(path, MAX(count_line, 1), error,
+    if (count_line == 0)
+        return data_error_fail(path, 1, error,
+                               "the list is empty; begin it with the number of lights");
+    return lamps->len == count ||
+           data_error_fail(path, count_line, error,
                            "this line states %g lights, but the file lists %u; correct the number, "
                            "or list every light",
                            count, lamps->len);
@@ -240,10 +244,10 @@ static gboolean take_name(const TextTable *table, int row, int column, const cha
     for (const char *c = name; *c; c++)
         good &= !g_ascii_iscntrl(*c);
     g_strlcpy(ret, good ? name : "", RIG_NAME);
-    return good || data_error_fail(
-                       text_table_path(table), text_table_line(table, row), error,
-                       "%s: “%s” is not a name: give at most %d bytes, without [ ] ; @ and tabs",
-                       key, name, RIG_NAME - 1);
+    return good || data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                                   "%s: “%s” is not a name: give at most %d bytes of UTF-8, "
+                                   "without [ ] ; @ and control characters",
+                                   key, name, RIG_NAME - 1);
 }
 
 static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, const TextTable *table,

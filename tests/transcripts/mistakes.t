@@ -22,7 +22,7 @@ Keys, numbers and units:
   mesorig: rig.conf:50: [camera cam30] distance_mm: "650 mm" is not a number (its unit is mm; write only the number)
   [1]
   $ plan rig.conf '[camera cam30]' 'theta_deg = 0.5236'
-  mesorig: session.conf:13: [views]: no camera stands at elevation 30° (within 0.5°); there are: 0.5236° (cam30), 60° (cam60). Change the rings in the session file, or the rig file
+  mesorig: session.conf:13: [views]: no camera stands at theta 30° (within 0.5°); there are: 0.5236° (cam30), 60° (cam60). Change the rings in the session file, or the rig file
   [1]
   $ plan rig.conf '[camera cam30]' 'distance_mm = 0.65'
   mesorig: rig.conf:50: [camera cam30] distance_mm: 0.65 is out of range: 1 to 100000 mm
@@ -63,13 +63,13 @@ What does not fit together in a rig:
 Sessions:
 
   $ plan session.conf '[views]' 'rings = 30:2; 45:2'
-  mesorig: session.conf:13: [views]: no camera stands at elevation 45° (within 0.5°); there are: 30° (cam30), 60° (cam60). Change the rings in the session file, or the rig file
+  mesorig: session.conf:13: [views]: no camera stands at theta 45° (within 0.5°); there are: 30° (cam30), 60° (cam60). Change the rings in the session file, or the rig file
   [1]
   $ plan session.conf '[lights]' 'rings = 10:2'
-  mesorig: session.conf:16: [lights]: no lamp stands at elevation 10° (within 0.5°); there are: 30° (lamp30), 60° (lamp60). Change the rings in the session file, or the rig file
+  mesorig: session.conf:16: [lights]: no lamp stands at theta 10° (within 0.5°); there are: 30° (lamp30), 60° (lamp60). Change the rings in the session file, or the rig file
   [1]
   $ plan session.conf '[lasers]' 'rings = 45:1'
-  mesorig: session.conf:20: [lasers]: no laser stands at elevation 45° (within 0.5°); there are: 30° (laser30), 60° (laser60). Change the rings in the session file, or the rig file
+  mesorig: session.conf:20: [lasers]: no laser stands at theta 45° (within 0.5°); there are: 30° (laser30), 60° (laser60). Change the rings in the session file, or the rig file
   [1]
   $ plan session.conf '[views]'
   mesorig: session.conf: there is no section [views]; add it

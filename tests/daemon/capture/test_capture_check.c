@@ -56,10 +56,11 @@ TEST(rig) {
         {{{"[axis arc]", "speed_deg_s = 30"}, {0}}, NULL},
         {{{"[rig]", "id = large"}, {0}}, "was begun on rig small, but this is rig large"},
         {{{"[camera cam60]", "width = 64"}, {0}},
-         "camera 1 was cam60 with 32 × 32 pixels when the session was begun and is cam60 with 64 × "
+         "camera 2, counted from 1, was cam60 with 32 × 32 pixels when the session was begun and "
+         "is cam60 with 64 × "
          "32"},
         {{{"[camera cam60]", "height = 64"}, {0}}, "with 32 × 64 now"},
-        {{{"[camera cam30]", NULL}, {0}}, "camera 0 was cam30"},
+        {{{"[camera cam30]", NULL}, {0}}, "camera 1, counted from 1, was cam30"},
         {{{"[camera cam60]", NULL}, {0}}, "needs a camera that rig small does not"},
         {{{"[lamp lamp60]", NULL}, {0}}, "needs a lamp that"},
         {{{"[laser laser60]", NULL}, {"[axis sweep60]", NULL}, {0}}, "needs a laser that"},

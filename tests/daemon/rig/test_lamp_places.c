@@ -331,7 +331,7 @@ struct bad_file {
 };
 
 static const struct bad_file bad_files[] = {
-    {"a.lp", "", 1, "this line states 0 lights"},
+    {"a.lp", "", 1, "the list is empty; begin it with the number of lights"},
     {"a.lp", "a 1 2 300\n", 1, "“a 1 2 300” is not the number of lights, 1 to 1024"},
     {"a.lp", "1025\n", 1, "“1025” is not the number of lights, 1 to 1024"},
     {"a.lp", "2\na 1 2 300\n", 1, "this line states 2 lights, but the file lists 1"},
