@@ -25,7 +25,7 @@ enum btf_flag {
     /* a pixel of the texel is not finite, or the texel lies outside of the picture: the value is 0
        and has no meaning */
     BTF_FLAG_HOLE = 4,
-    BTF_FLAG_PREDICTED = 8, /* not captured: predicted from the lights around it */
+    BTF_FLAG_PREDICTED = 8, /* not captured: predicted from other pictures */
 };
 
 /* A view is not made if more than this share of its lights is missing. Lights that were left out

@@ -24,10 +24,10 @@ static gboolean fail_errno(const char *path, GError **error) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
                     path);
     else
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_IO,
-            "%s: the session cannot be made: %s; give a path in a folder in which you may write",
-            path, g_strerror(saved));
+        g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
+                    "%s: the session cannot be made: %s; give a path in a folder with free space "
+                    "in which you may write",
+                    path, g_strerror(saved));
     return FALSE;
 }
 
@@ -170,8 +170,9 @@ static gboolean check_holes(const struct import_material *m, int view, int light
     const gsize n = (gsize)m->width * (gsize)m->height;
     return (double)holes <= IMPORT_MAX_HOLES * (double)n ||
            data_error_fail(m->source, 0, error,
-                           "%d of %zu texels of view %d, light %d are missing or not numbers, "
-                           "but at most half may be; check the pictures of this view",
+                           "%d of %zu texels of view %d under light %d, both counted from 0, are "
+                           "missing or not numbers, but at most half may be; check the pictures "
+                           "of this view",
                            holes, n, view, light);
 }
 

@@ -233,10 +233,13 @@ static gboolean fit_normals_write(const struct fit *fit, const char *path, const
         ret->holes += fit->normals[3 * i + 2] <= 0;
     }
     if (ret->holes == ret->texels)
-        return data_error_fail(path, 0, error,
-                               "no texel of the %s has a normal, because all texels are black or "
-                               "clipped; check the pictures, or leave out --maximum",
-                               ret->model);
+        return data_error_fail(path, 0, error, "no texel of the %s has a normal, because %s",
+                               ret->model,
+                               fit->method == FIT_NORMALS_MAXIMUM
+                                   ? "no polynomial has its maximum above the sample; check the "
+                                     "pictures, or leave out --maximum"
+                                   : "all texels are black or brightest from below; check the "
+                                     "pictures and the directions of the lights");
     struct exr_part *part = fit_normals_part(fit, heights);
     g_autoptr(ExrFile) exr = exr_file_new();
     exr_file_add(exr, part);

@@ -26,7 +26,7 @@ enum fit_normals_method {
 
 struct fit_normals_result {
     const char *model; /* "ptm" or "hsh" */
-    int texels, holes; /* holes is the number of texels without light, or with a clipped maximum */
+    int texels, holes; /* holes is the number of texels without a normal */
     int clipped;       /* for FIT_NORMALS_MAXIMUM the number of texels whose maximum is clipped */
     /* for FIT_NORMALS_LAMBERT the number of texels in shadow or in a highlight under more than a
      * quarter of the lights that they face; their normals are less certain */

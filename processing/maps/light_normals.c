@@ -57,8 +57,9 @@ static gboolean take_planes(const ExrFile *file, const char *path, int n_texels,
             !to->planes[3 * light + 1] || !to->planes[3 * light + 2])
             return data_error_fail(
                 path, 0, error,
-                "the picture under light %u lacks channel R, G or B, or does not have the size of "
-                "the session; delete the file and process the session again, or import it again",
+                "the picture under light %u, counted from 0, lacks channel R, G or B, or does not "
+                "have the size of the session; delete the file and process the session again, or "
+                "import it again",
                 light);
     }
     return TRUE;

@@ -32,7 +32,7 @@
 #include "btf/btf_directions.h"
 #include "formats/import.h"
 
-/* Results for the views of one elevation (to a degree). */
+/* Results for the views at one polar angle (to a degree). */
 struct near_field_correction_band {
     double theta_deg;
     int n_views;

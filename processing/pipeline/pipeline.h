@@ -71,9 +71,9 @@ struct pipeline_options {
 struct pipeline_result {
     /* numbers of views and lights in the BTF, without views that are not complete */
     int n_views, n_lights;
-    /* number of pictures that the plan left out, which are predicted from others (btf.h) */
+    /* number of pictures that were not taken and are predicted from others (btf.h) */
     int n_predicted;
-    /* number of pictures that the capture left out because they can be predicted */
+    /* how many of these the capture left out because they can be predicted */
     int n_left_out;
     /* expected error of the predicted pictures, relative to the whole BTF; NAN if no picture is
      * predicted */

@@ -48,7 +48,7 @@ void time_left_rates_learn(struct time_left_rates *rates,
 /* The work of one stage for one view. */
 struct time_left_task {
     enum time_left_work stage;
-    double theta_deg; /* views of one elevation take a similar time */
+    double theta_deg; /* views at one polar angle take a similar time */
     double units;
     enum { TIME_LEFT_WAITS, TIME_LEFT_RUNS, TIME_LEFT_MADE } state;
     double cpu_s; /* CPU time that the task took (if made), or has taken so far (if it runs) */

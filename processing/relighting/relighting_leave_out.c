@@ -324,7 +324,8 @@ static gboolean fail(const struct leaving *leaving, GError **error) {
     g_autofree char *name = relighting_model_name(leaving->fit.model);
     if (leaving->failed_light >= 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: without light %d the other lights do not determine all terms; use a basis "
+                    "%s: without light %d, counted from 0, the other lights do not determine all "
+                    "terms; use a basis "
                     "of fewer terms",
                     name, leaving->fit.relighting->lights[leaving->failed_light]);
     else

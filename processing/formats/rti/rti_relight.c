@@ -92,10 +92,10 @@ static gboolean fail_folder(const char *folder, GError **error) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
                     folder);
     else
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_IO,
-            "%s: the folder cannot be made: %s; give a path in a folder in which you may write",
-            folder, g_strerror(saved));
+        g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
+                    "%s: the folder cannot be made: %s; give a path in a folder with free space in "
+                    "which you may write",
+                    folder, g_strerror(saved));
     return FALSE;
 }
 

@@ -353,8 +353,8 @@ TEST(too_few) {
     g_assert_false(relighting_leave_out(r, &model, NULL, pictures, NULL, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_cmpstr(error->message, ==,
-                    "ptm: without light 0 the other lights do not determine all terms; use a basis "
-                    "of fewer terms");
+                    "ptm: without light 0, counted from 0, the other lights do not determine all "
+                    "terms; use a basis of fewer terms");
 }
 
 TEST(names) {
