@@ -246,12 +246,13 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
             "auto_longest_us, open the aperture, or raise gain_db",
             name_of(choice, dimmest), ceil(needed_us), dimmest->light, key, conf->auto_longest_us);
     else if (needed_us > max_ratio * shortest_us)
-        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
-                       "camera %s saturates above %.0f µs under %s, and camera %s needs %.0f µs "
-                       "under %s: exposures may be %g times apart at most. Bring their apertures "
-                       "together, or give the exposures yourself",
-                       name_of(choice, brightest), shortest_us, brightest->light,
-                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, max_ratio);
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, conf, "capture", key,
+            "camera %s may expose for %.0f µs at most under %s, and camera %s needs %.0f µs "
+            "under %s: exposures may be %g times apart at most. Bring their apertures "
+            "together, or give the exposures yourself",
+            name_of(choice, brightest), shortest_us, brightest->light, name_of(choice, dimmest),
+            ceil(needed_us), dimmest->light, max_ratio);
     else
         return TRUE;
     return FALSE;

@@ -90,7 +90,8 @@ static void add_share(GString *to, double share) {
 
 static void add_rings(GString *to, const struct archive *archive) {
     g_string_append(
-        to, "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower "
+        to, "<h2>Coverage and error bars</h2>\n<p>By the angle of the view from the normal. Holes, "
+            "lower "
             "bounds (saturated), values of only shorter exposures and predicted values are shares "
             "of the BTF’s values; σ is the median standard error of a value. The surface is "
             "measured where the view itself sees it, and supplied where other views do.</p>\n<div "

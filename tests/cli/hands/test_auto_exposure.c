@@ -152,7 +152,7 @@ TEST(hopeless) {
                   "under lamp60, but “exposures_us = auto” may choose 400 µs at most"}},
         {.session = {"[capture]", "auto_longest_us = 10000000"},
          .rig = {"[camera cam60]", "response = 6"},
-         .told = {"exposures_us: camera cam30 saturates above", "Bring their apertures together"}},
+         .told = {"exposures_us: camera cam30 may expose for", "Bring their apertures together"}},
         {.rig = {"[camera cam30]", "min_exposure_us = 60000"},
          .told = {"saturates under lamp30 even at 60000 µs", "lower [capture] gain_db"}},
         {.rig = {"[camera cam30]", "max_exposure_us = 50000"},
