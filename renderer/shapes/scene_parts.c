@@ -193,8 +193,9 @@ struct mesh *scene_read_parts(const char *path, const struct scene_binding *bind
     }
     if (n_vertices > SCENE_MAX_VERTICES || n_indices > 6 * (gsize)SCENE_MAX_VERTICES) {
         g_set_error(error, SCENE_ERROR, SCENE_ERROR_TOO_LARGE,
-                    "%s: it has %zu vertices, but only %d can be drawn; leave out some meshes",
-                    path, n_vertices, SCENE_MAX_VERTICES);
+                    "%s: it has %zu vertices and %zu triangles, but at most %d vertices and %d "
+                    "triangles can be drawn; leave out some meshes",
+                    path, n_vertices, n_indices / 3, SCENE_MAX_VERTICES, 2 * SCENE_MAX_VERTICES);
         return NULL;
     }
     parts_find_floor(&p);

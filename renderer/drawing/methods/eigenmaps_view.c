@@ -53,12 +53,15 @@ static gboolean check_layers(const struct eigenmaps *maps, GError **error) {
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     if (needed <= (gsize)layers)
         return TRUE;
+    const gsize most = (gsize)layers / (n_lights + 2);
+    g_autofree char *fewer = most > 0 ? g_strdup_printf(", or to eigen-maps of at most %zu %s",
+                                                        most, most == 1 ? "term" : "terms")
+                                      : g_strdup("");
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                 "eigen-maps of %d terms and %zu lights need %zu texture layers, but %s supports "
                 "%d; compress the material with another method, such as lpca, which has no layer "
-                "for each light, or to eigen-maps of %zu terms or fewer",
-                maps->n_terms, n_lights, needed, gpu_renderer(), layers,
-                MAX(1, (gsize)layers / (n_lights + 2)));
+                "for each light%s",
+                maps->n_terms, n_lights, needed, gpu_renderer(), layers, fewer);
     return FALSE;
 }
 
