@@ -60,9 +60,9 @@ struct maps {
  * may use; a fit of each model is stored. memory is the maximum number of bytes for the values of
  * the BTF (0 if not limited); a larger BTF stays in a file. The fit is stored in the session
  * (maps_store.h), and taken from there while the BTF is the same. Progress stages are "read",
- * "depth", "layers" (only for MAPS_MODEL_FULL), "fit", "refine", "errors", "points" (only if the session has
- * an MDF) and "occlusion". If the fit is taken from the session, only "points" and "occlusion" are
- * left. */
+ * "depth", "layers" (only for MAPS_MODEL_FULL), "fit", "refine", "errors", "points" (only if the
+ * session has an MDF) and "occlusion". If the fit is taken from the session, only "points" and
+ * "occlusion" are left. */
 struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
                       const struct work *work, GError **error);
 /* For tests: makes the maps of a BTF without a session. Heights are computed from normals. */
