@@ -100,7 +100,7 @@ static float free_of(const struct surface *s, struct vec3 to) {
 static void texel_values(const struct large *large, int x, int y, float *values, guint16 *ret) {
     const struct surface s = surface_at(x, y);
     const gsize row = (gsize)lights * COLOURS;
-    g_autofree float *lit = g_new(float, lights);
+    g_autofree float *lit = g_new0(float, lights);
     for (int l = 0; l < lights; l++)
         lit[l] =
             (float)fmax(vec3_dot(s.normal, large->lights[l]), 0) * free_of(&s, large->lights[l]);
