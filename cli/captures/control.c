@@ -194,7 +194,9 @@ static int run_safe(const struct call *call, GError **error) {
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
         record_say(call->record, "%-10s %-16s %s\n", class_name, name, state);
-        if (g_str_equal(state, "commanded only") || g_str_equal(state, "NOT safe"))
+        /* "sent …" is said of a device that cannot be read back; other words are those of a daemon
+         * that is too busy to ask its devices. */
+        if (!g_str_equal(state, "read back") && !g_str_has_prefix(state, "sent"))
             g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
                                    state);
     }
