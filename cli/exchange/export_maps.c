@@ -138,6 +138,11 @@ static void tell(const struct maps_export *export, double seconds, Record *to) {
     if (maps->depth_mm != 0)
         record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
                    maps->depth_mm);
+    record_say_if(
+        to, maps->specular_scale > 1,
+        "  SpecularLevel of a PNG is to be multiplied by %.4g{specular_scale}, because some "
+        "texels reflect more than 8 %%\n",
+        (double)maps->specular_scale);
     if (maps->n_views == 1)
         record_say(
             to,

@@ -50,6 +50,8 @@ struct maps {
     gboolean anisotropic; /* whether the mean anisotropy is at least 0.15; otherwise all texels are
                              isotropic */
     struct maps_errors errors;
+    /* largest maps_specular_level() of the texels, at least 1 */
+    float specular_scale;
     enum maps_kept kept;
     /* why the fit of a session could not be stored; NULL if it is stored, if there is no session,
      * or if a file of the BTF is not among the session's products */
@@ -72,14 +74,17 @@ void maps_free(struct maps *maps); /* NULL is ignored */
 typedef struct maps Maps;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
 
+/* Returns half of specular · specular_colour, so that 0.5 is a reflectance of 4 %. */
+float maps_specular_level(const struct maps_texel *texel);
+
 /* Adds the maps as NAME_BaseColor, _Metallic, _Roughness, _SpecularLevel, _SpecularEdge,
  * _SpecularColor, _Normal (OpenGL's: green upwards), _Height, _AmbientOcclusion, _AnisotropyLevel
  * and _AnisotropyAngle. If there is a layer, also _SheenColor or _ClearCoat. The format is PNG of 8
  * bits, with heights and normals of 16 bits, or linear EXR. Here roughness is (αt αb)^¼ and the
  * anisotropy level 1 − αb / αt, as in Blender and standard_surface. The angle is the angle of t
- * from +x, counter-clockwise; 1 is a whole turn. SpecularLevel is half of specular ·
- * specular_colour, so that 0.5 is a reflectance of 4 %. SpecularEdge is the reflectance at grazing
- * directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. */
+ * from +x, counter-clockwise; 1 is a whole turn. SpecularLevel is
+ * maps_specular_level(), in PNG divided by specular_scale. SpecularEdge is the reflectance at
+ * grazing directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
 /* Adds the errors as a table of views and lights (NAME_errors.csv), as a picture with a row for
  * each view and a column for each light (NAME_errors_directions.png), and as a picture of the

@@ -1,4 +1,4 @@
-/* This Python script makes the material in Blender 3.4 from the maps in the same folder.
+/* This Python script makes the material in Blender 3.4 to 5 from the maps in the same folder.
  * maps_add_blender() writes the values that differ between materials in front of the script. */
 #include "maps.h"
 
@@ -8,6 +8,10 @@ static const char script[] =
     "import bpy, _cycles\n"
     "\n"
     "FOLDER = os.path.dirname(os.path.abspath(__file__))\n"
+    "NEW = bpy.app.version >= (4, 0)  # Blender 4 has other names of the same inputs\n"
+    "NAMES = {'Specular': 'Specular IOR Level', 'Clearcoat': 'Coat Weight',\n"
+    "         'Clearcoat Roughness': 'Coat Roughness', 'Sigma': 'Roughness',\n"
+    "         'Sheen': 'Sheen Tint'} if NEW else {}\n"
     "\n"
     "\n"
     "class Tree:\n"
@@ -46,8 +50,11 @@ static const char script[] =
     "\n"
     "    def shader(self, kind, **inputs):\n"
     "        node = self.nodes.new(kind)\n"
+    "        if kind == 'ShaderNodeBsdfPrincipled':\n"
+    "            node.distribution = 'GGX'\n"
     "        for socket, value in inputs.items():\n"
-    "            self.put(node, socket.replace('_', ' '), value)\n"
+    "            socket = socket.replace('_', ' ')\n"
+    "            self.put(node, NAMES.get(socket, socket), value)\n"
     "        return node.outputs[0]\n"
     "\n"
     "    def scaled(self, factor, shader):\n"
@@ -69,7 +76,7 @@ static const char script[] =
     "    material = bpy.data.materials.new(NAME)\n"
     "    tree = Tree(material)\n"
     "    base, metallic = tree.map('BaseColor', True), tree.map('Metallic')\n"
-    "    specular = tree.map('SpecularLevel')\n"
+    "    specular = tree.math('MULTIPLY', tree.map('SpecularLevel'), SPECULAR_SCALE)\n"
     "    bent = tree.nodes.new('ShaderNodeNormalMap')\n"
     "    tree.put(bent, 'Color', tree.map('Normal'))\n"
     "    normal = None if DISPLACEMENT else bent.outputs[0]\n"
@@ -84,6 +91,8 @@ static const char script[] =
     "        layers = {}\n"
     "        if SHEEN_ROUGHNESS > 0:\n"
     "            layers['Sheen'] = tree.map('SheenColor', True)\n"
+    "            if NEW:\n"
+    "                layers['Sheen_Weight'], layers['Sheen_Roughness'] = 1.0, SHEEN_ROUGHNESS\n"
     "        if COAT_ROUGHNESS > 0:\n"
     "            layers['Clearcoat'] = tree.map('ClearCoat')\n"
     "            layers['Clearcoat_Roughness'] = COAT_ROUGHNESS\n"
@@ -113,8 +122,11 @@ static const char script[] =
     "                           tree.sum(tree.scaled(tree.math('MULTIPLY', plain, edge), lobe),\n"
     "                                    tree.scaled(metallic, metal)))\n"
     "        if SHEEN_ROUGHNESS > 0:\n"
-    "            velvet = tree.shader('ShaderNodeBsdfVelvet', Color=tree.map('SheenColor', True),\n"
-    "                                 Sigma=SHEEN_ROUGHNESS, Normal=normal)\n"
+    "            velvet = tree.shader('ShaderNodeBsdfSheen' if NEW else 'ShaderNodeBsdfVelvet',\n"
+    "                                 Color=tree.map('SheenColor', True), Sigma=SHEEN_ROUGHNESS,\n"
+    "                                 Normal=normal)\n"
+    "            if NEW:\n"
+    "                velvet.node.distribution = 'ASHIKHMIN'  # as the Velvet BSDF\n"
     "            surface = tree.sum(surface, velvet)\n"
     "        if COAT_ROUGHNESS > 0:\n"
     "            coat = tree.shader('ShaderNodeBsdfPrincipled', Base_Color=(0, 0, 0, 1),\n"
@@ -128,7 +140,8 @@ static const char script[] =
     "        lifted.inputs['Scale'].default_value = RELIEF_M\n"
     "        tree.put(lifted, 'Height', tree.map('Height'))\n"
     "        tree.put(output, 'Displacement', lifted.outputs[0])\n"
-    "        material.cycles.displacement_method = 'DISPLACEMENT'\n"
+    "        old = not hasattr(material, 'displacement_method')  # before Blender 4.1\n"
+    "        (material.cycles if old else material).displacement_method = 'DISPLACEMENT'\n"
     "    for k, node in enumerate(tree.nodes):\n"
     "        node.location = (260 * (k % 6), -320 * (k // 6))\n"
     "    return material\n"
@@ -194,23 +207,26 @@ gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **er
     const struct maps_layers *layers = &maps->fit->layers;
     char width[G_ASCII_DTOSTR_BUF_SIZE], height[G_ASCII_DTOSTR_BUF_SIZE];
     char relief[G_ASCII_DTOSTR_BUF_SIZE], sheen[G_ASCII_DTOSTR_BUF_SIZE];
-    char coat[G_ASCII_DTOSTR_BUF_SIZE];
+    char coat[G_ASCII_DTOSTR_BUF_SIZE], scale[G_ASCII_DTOSTR_BUF_SIZE];
     g_ascii_formatd(width, sizeof width, "%.9g", maps->width * maps->texel_mm / 1000);
     g_ascii_formatd(height, sizeof height, "%.9g", maps->height * maps->texel_mm / 1000);
     g_ascii_formatd(relief, sizeof relief, "%.9g", maps->relief_mm / 1000);
     g_ascii_formatd(sheen, sizeof sheen, "%.3g", (double)layers->sheen_roughness);
     g_ascii_formatd(coat, sizeof coat, "%.3g", (double)layers->coat_roughness);
+    g_ascii_formatd(scale, sizeof scale, "%.6g", (double)maps->specular_scale);
     GString *text = g_string_new(NULL);
     g_string_append_printf(
         text,
-        "# Makes the material %s in Blender 3.4 from the maps in the folder of this file, and a "
+        "# Makes the material %s in Blender 3.4 to 5 from the maps in the folder of this file, and "
+        "a "
         "plane and\n# a sphere with this material: blender --python %s_blender.py\nNAME = "
         "'%s'\nSIZE_M = (%s, %s)\nTEXELS = (%d, %d)\nRELIEF_M = %s\nANISOTROPIC = "
-        "%s\nSHEEN_ROUGHNESS = %s\nCOAT_ROUGHNESS = %s\nDISPLACEMENT = False  # True: heights move "
+        "%s\nSPECULAR_SCALE = %s\nSHEEN_ROUGHNESS = %s\nCOAT_ROUGHNESS = %s\nDISPLACEMENT = False  "
+        "# True: heights move "
         "a fine mesh instead of changing the normal\nPRINCIPLED = False  # True: one Principled "
         "BSDF, which is easier to change but less exact\n\n",
         maps->name, maps->name, maps->name, width, height, maps->width, maps->height, relief,
-        maps->anisotropic ? "True" : "False", sheen, coat);
+        maps->anisotropic ? "True" : "False", scale, sheen, coat);
     g_string_append(text, script);
     maps_files_take_text(files, g_strdup_printf("%s_blender.py", maps->name), text);
     return maps_add_maps(maps, FALSE, files, error);

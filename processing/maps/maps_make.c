@@ -21,16 +21,17 @@ static char *plain_name(const char *name) {
     return ret;
 }
 
-/* Sets max_specular and anisotropic. If the mean anisotropy is below ISOTROPIC, makes all texels
- * isotropic, with the geometric mean of the roughnesses in both directions. A second call changes
- * nothing. */
+/* Sets max_specular, specular_scale and anisotropic. If the mean anisotropy is below ISOTROPIC,
+ * makes all texels isotropic, with the geometric mean of the roughnesses in both directions. A
+ * second call changes nothing. */
 static void summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
-    maps->max_specular = 1;
+    maps->max_specular = maps->specular_scale = 1;
     for (gsize i = 0; i < n; i++) {
         const struct maps_texel *texel = &maps->fit->texels[i];
         anisotropy += (double)texel->anisotropy;
+        maps->specular_scale = MAX(maps->specular_scale, maps_specular_level(texel));
         for (int c = 0; c < 3; c++)
             maps->max_specular = MAX(maps->max_specular, texel->specular_colour[c]);
     }

@@ -10,7 +10,7 @@
 #include "session/session.h"
 
 /* Version of the fit and of its errors. A file of another version is not read. */
-#define VERSION 6
+#define VERSION 8
 #define MADE_BY "export maps -o FOLDER"
 
 /* The members of a texel by name, in the order that EXR requires; E comes first. */

@@ -16,8 +16,9 @@ static void widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
     *ret_t = *ret_b + (1 - *ret_b) * texel->anisotropy * texel->anisotropy;
 }
 
-static float maps_textures_grey(const struct maps_texel *t) {
-    return (t->specular_colour[0] + t->specular_colour[1] + t->specular_colour[2]) / 3;
+float maps_specular_level(const struct maps_texel *t) {
+    const float *s = t->specular_colour;
+    return t->specular * (s[0] + s[1] + s[2]) / 6;
 }
 
 /* A map. fill() gives the channels of a texel. */
@@ -40,8 +41,7 @@ static void roughness(const struct maps *maps, gsize i, float *ret) {
     *ret = powf(at * ab, 0.25F);
 }
 static void specular(const struct maps *maps, gsize i, float *ret) {
-    const struct maps_texel *t = &maps->fit->texels[i];
-    *ret = MIN(t->specular * maps_textures_grey(t) / 2, 1);
+    *ret = maps_specular_level(&maps->fit->texels[i]);
 }
 static void edge(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].specular;
@@ -140,6 +140,8 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
             continue;
         for (gsize i = 0; i < n; i++)
             texture->fill(maps, i, values + i * (gsize)texture->channels);
+        for (gsize i = 0; i < n && texture->fill == specular && !exr; i++)
+            values[i] /= maps->specular_scale;
         GBytes *bytes = exr ? maps_textures_exr(maps, texture, values, error)
                             : maps_png(values, maps->width, maps->height, texture->channels,
                                        texture->bits, texture->srgb, error);

@@ -525,6 +525,66 @@ TEST(usd) {
     }
 }
 
+/* The maps as EXR: the angle of the wide direction from +x, counter-clockwise, where 1 is a turn; 1
+ * − αb / αt; and the fourth root of αt αb. */
+TEST(anisotropy) {
+    g_autoptr(BtfMatrix) btf = planted_btf(TRUE, NONE);
+    g_autoptr(Maps) maps = maps_of_btf(btf);
+    g_autoptr(MapsFiles) files = maps_files_new();
+    g_autofree char *folder = g_build_filename(session_fixture_folder, "exr", NULL);
+    ok(maps_add_maps(maps, TRUE, files, ERR));
+    ok(maps_files_write_folder(files, folder, FALSE, ERR));
+    float *planes[3];
+    static const char *const names[] = {"AnisotropyAngle", "AnisotropyLevel", "Roughness"};
+    ExrPart *parts[3];
+    for (int k = 0; k < 3; k++) {
+        g_autofree char *path = g_strdup_printf("%s/planted_%s.exr", folder, names[k]);
+        parts[k] = ok(exr_read_part(path, names[k], ERR));
+        planes[k] = exr_part_plane(parts[k], "Y");
+    }
+    for (int t = 0; t < TEXELS; t++) {
+        const struct planted p = planted_at(t, TRUE);
+        const double turn = 2 * G_PI * (double)planes[0][t] - p.turn;
+        g_assert_cmpfloat(fabs(sin(turn)) * DEG, <, 3);
+        g_assert_cmpfloat_with_epsilon((double)planes[1][t], 1 - p.across / p.along, 0.03);
+        g_assert_cmpfloat_with_epsilon((double)planes[2][t], pow(p.along * p.across, 0.25), 0.01);
+    }
+    for (int k = 0; k < 3; k++)
+        exr_part_free(parts[k]);
+}
+
+/* A dielectric that reflects 32 %, four times as much as SpecularLevel can hold: the script for
+ * Blender multiplies by 4. */
+TEST(specular_scale) {
+    g_autoptr(BtfMatrix) btf = planted_btf(FALSE, NONE);
+    g_autofree float *views = direction_list_vectors(&btf->layout.views);
+    g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
+    const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
+    const struct maps_layers none = maps_layers_new(0, 0);
+    const struct maps_texel texel = {.base = {0.4F, 0.4F, 0.4F},
+                                     .roughness = 0.6F,
+                                     .specular = 1,
+                                     .specular_colour = {8, 8, 8},
+                                     .direction = {1, 0},
+                                     .normal = {0, 0, 1}};
+    for (gsize i = 0; i < n * TEXELS; i++)
+        maps_evaluate(&none, &texel, views + i % n / n_lights * 3, lights + i % n_lights * 3,
+                      btf->values + 3 * i);
+    g_autoptr(Maps) maps = maps_of_btf(btf);
+    g_autoptr(MapsFiles) files = maps_files_new();
+    g_autofree char *folder = g_build_filename(session_fixture_folder, "scaled", NULL);
+    g_autofree char *script = NULL, *path = g_build_filename(folder, "planted_blender.py", NULL);
+    g_assert_cmpfloat_with_epsilon((double)maps->specular_scale, 4, 0.1);
+    g_assert_cmpfloat((double)maps->fit->texels[0].metallic, ==, 0);
+    ok(maps_add_blender(maps, files, ERR));
+    ok(maps_files_write_folder(files, folder, FALSE, ERR));
+    g_assert_true(g_file_get_contents(path, &script, NULL, NULL));
+    const char *scale = strstr(script, "\nSPECULAR_SCALE = ");
+    g_assert_nonnull(scale);
+    g_assert_cmpfloat_with_epsilon(g_ascii_strtod(scale + 18, NULL), (double)maps->specular_scale,
+                                   1e-4);
+}
+
 /* Cloth of our own model: that its sheen is noticed, and its roughness among those that are tried.
  */
 TEST(layers) {

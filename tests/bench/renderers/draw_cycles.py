@@ -1,8 +1,12 @@
 """Renders what NAME_blender.py makes with Cycles, in the scene of scene.json.
-usage: blender -b --python NAME_blender.py --python cycles.py -- SCENE.json OUT.png"""
-import bpy, json, sys
+usage: blender -b --python NAME_blender.py --python draw_cycles.py -- SCENE.json OUT.png
+       python3 draw_cycles.py NAME_blender.py -- SCENE.json OUT.png    with the package bpy of PyPI"""
+import bpy, json, runpy, sys
 from mathutils import Vector
 
+if sys.argv[1].endswith("_blender.py"):
+    bpy.ops.wm.read_factory_settings()
+    runpy.run_path(sys.argv[1])
 scene_file, out = sys.argv[sys.argv.index("--") + 1 :][:2]
 given = json.load(open(scene_file))
 scene = bpy.context.scene
