@@ -109,7 +109,16 @@ def check_usd(build, folder, session):
 def check_in_wasm(folder, documents):
     """Returns 0 if all documents are good for the WebAssembly build of MaterialX."""
     npm = f"{folder}/npm"
-    install = ["npm", "install", "--silent", "--no-audit", "--no-fund", "--prefix", npm, NPM_PACKAGE]
+    install = [
+        "npm",
+        "install",
+        "--silent",
+        "--no-audit",
+        "--no-fund",
+        "--prefix",
+        npm,
+        NPM_PACKAGE,
+    ]
     subprocess.run(install, check=True)
     script = f"{HERE}/formats_materialx.mjs"
     built = f"{npm}/node_modules/@needle-tools/materialx/bin"
