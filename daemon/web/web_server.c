@@ -3,6 +3,7 @@
 #include "base/json.h"
 #include "web_door.h"
 #include "web_origin.h"
+#include "web_products.h"
 #include "web_snaps.h"
 #include "web_tasks.h"
 
@@ -35,6 +36,7 @@ struct WebServer {
     char *token;
     gboolean safe_needs_token;
     WebSnaps *snaps;
+    WebProducts *products;
     char *sessions;     /* folder of sessions; NULL if there is none */
     char *address;      /* address on which the server listens */
     GPtrArray *origins; /* of char *: origins of the server's names (web_origin.h) */
@@ -78,10 +80,24 @@ static void add_headers(SoupServerMessage *message) {
     soup_message_headers_replace(headers, "X-Frame-Options", "DENY");
     soup_message_headers_replace(headers, "Referrer-Policy", "no-referrer");
     soup_message_headers_replace(headers, "Cross-Origin-Resource-Policy", "same-origin");
-    soup_message_headers_replace(headers, "Content-Security-Policy",
-                                 "default-src 'none'; script-src 'self'; style-src 'self'; img-src "
-                                 "'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
-                                 "frame-ancestors 'none'");
+    soup_message_headers_replace(
+        headers, "Content-Security-Policy",
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src "
+        "'self'; connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+        "frame-ancestors 'none'");
+}
+
+/* Replaces headers for a page that was made of a session. Its scripts may only draw: they belong to
+ * no origin, and cannot send requests or read the token. Only the page of this server may show it
+ * in a frame. */
+static void confine(SoupServerMessage *message) {
+    SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
+    soup_message_headers_replace(headers, "X-Frame-Options", "SAMEORIGIN");
+    soup_message_headers_replace(
+        headers, "Content-Security-Policy",
+        "sandbox allow-scripts allow-downloads; default-src 'none'; script-src "
+        "'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'self'");
 }
 
 static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
@@ -535,6 +551,8 @@ static void on_task(guint status, const char *type, GBytes *body, gpointer data)
     struct waiting *waiting = data;
     respond_bytes(waiting->message, type, body);
     soup_server_message_set_status(waiting->message, status, NULL);
+    if (g_str_has_prefix(type, "text/html"))
+        confine(waiting->message);
     end_waiting(waiting);
 }
 
@@ -545,8 +563,8 @@ static void do_task(WebServer *server, SoupServerMessage *message, const struct 
         return;
     if (path->acts)
         web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
-    path->run(&(struct web_task){server->rig, server->sessions, server->snaps, name, query, on_task,
-                                 waiting});
+    path->run(&(struct web_task){server->rig, server->sessions, server->products, server->snaps,
+                                 name, query, on_task, waiting});
 }
 
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
@@ -629,6 +647,7 @@ WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError
     server->safe_needs_token = options->safe_needs_token;
     server->sessions = g_strdup(options->sessions);
     server->snaps = web_snaps_new();
+    server->products = web_products_new();
     server->calls = g_rc_box_new0(int);
     server->address = g_strdup(options->address ? options->address : "127.0.0.1");
     server->origins = g_ptr_array_new_with_free_func(g_free);
@@ -665,6 +684,7 @@ void web_server_free(WebServer *server) {
     g_ptr_array_unref(server->streams);
     g_ptr_array_unref(server->origins);
     web_snaps_unref(server->snaps);
+    web_products_free(server->products);
     g_free(server->sessions);
     g_free(server->address);
     g_free(server->token);

@@ -7,7 +7,8 @@
 
 #include "web_rig.h"
 
-typedef struct WebSnaps WebSnaps; /* web_snaps.h */
+typedef struct WebSnaps WebSnaps;       /* web_snaps.h */
+typedef struct WebProducts WebProducts; /* web_products.h */
 
 /* Receives the answer to a request: an HTTP status, a content type and a body. The callee owns
  * neither type nor body. */
@@ -16,11 +17,12 @@ typedef void (*WebTaskAnswer)(guint status, const char *type, GBytes *body, gpoi
 /* A request. The strings and the query are valid only during the call that begins the task. */
 struct web_task {
     WebRig *rig;
-    const char *folder; /* absolute path of the folder of sessions; NULL if there is none */
-    WebSnaps *snaps;    /* the last picture on request */
-    const char *name;   /* the part of the path that the client chooses; "" if there is none */
-    GHashTable *query;  /* char * → char *; NULL if the request has no query */
-    WebTaskAnswer back; /* called once, within that call or later */
+    const char *folder;    /* absolute path of the folder of sessions; NULL if there is none */
+    WebProducts *products; /* files that were made of sessions */
+    WebSnaps *snaps;       /* the last picture on request */
+    const char *name;      /* the part of the path that the client chooses; "" if there is none */
+    GHashTable *query;     /* char * → char *; NULL if the request has no query */
+    WebTaskAnswer back;    /* called once, within that call or later */
     gpointer data;
 };
 

@@ -2,6 +2,7 @@
 
 #include "web_files.h"
 #include "web_hands.h"
+#include "web_products.h"
 #include "web_queue.h"
 #include "web_snaps.h"
 
@@ -14,6 +15,11 @@ static const struct web_task_path paths[] = {
     {"files/", "/queue", TRUE, web_files_queue},
     {"sessions", NULL, FALSE, web_files_sessions},
     {"sessions/", "/resume", TRUE, web_files_resume},
+    {"sessions/", "/make", TRUE, web_products_make},
+    {"sessions/", "/report.html", FALSE, web_products_report},
+    {"sessions/", "/page.html", FALSE, web_products_page},
+    {"sessions/", "/material.glb", FALSE, web_products_gltf},
+    {"products", NULL, FALSE, web_products_list},
     {"queue/pause", NULL, TRUE, web_queue_pause},
     {"queue/resume", NULL, TRUE, web_queue_resume},
     {"queue/", "/remove", TRUE, web_queue_remove},

@@ -147,6 +147,19 @@ class Rig:
         answer = self._command(("files", file, "queue"), session=session, process=process, yes=yes)
         return answer["number"]
 
+    def make(self, session: str, product: str) -> None:
+        """Begins to make a file of a session: "report", "page" (the material in 3D) or "gltf"."""
+        self._command(("sessions", session, "make"), product=product)
+
+    def products(self) -> Dict[str, Any]:
+        """The files that were made: products, making (or None) and failed (or None)."""
+        return self._json("products")
+
+    def product(self, session: str, file: str) -> bytes:
+        """A file that was made: "report.html", "page.html" or "material.glb"."""
+        with self._open("sessions/%s/%s" % (urllib.parse.quote(session, safe=""), file)) as answer:
+            return answer.read()
+
     def resume_session(self, session: str, process: bool = False) -> None:
         """Continues a session directory: captures what is missing."""
         self._command(("sessions", session, "resume"), process=process)

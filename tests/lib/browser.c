@@ -121,3 +121,12 @@ void browser_wait(Browser *browser, const char *expression) {
     g_autofree char *shown = browser_value(browser, "document.body.innerText");
     g_error("%s did not become true within %d s; the page shows:\n%s", expression, WAIT_S, shown);
 }
+
+void browser_press(Browser *browser, const char *id) {
+    g_autofree char *ready = g_strdup_printf("!document.getElementById('%s').disabled && "
+                                             "document.getElementById('%s').offsetParent !== null",
+                                             id, id);
+    g_autofree char *click = g_strdup_printf("document.getElementById('%s').click()", id);
+    browser_wait(browser, ready);
+    g_free(browser_value(browser, click));
+}

@@ -14,5 +14,8 @@ void browser_open(Browser *browser, const char *uri);
 /* Returns the value of a JavaScript expression as text; g_free(). */
 char *browser_value(Browser *browser, const char *expression);
 
+/* Waits until the element with this id is visible and not disabled, and clicks it. */
+void browser_press(Browser *browser, const char *id);
+
 /* Waits until an expression is true, for at most WAIT_S (lib/wait.h). */
 void browser_wait(Browser *browser, const char *expression);

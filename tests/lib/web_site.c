@@ -163,3 +163,24 @@ char *site_converse(const struct site *site, const char *from, const char *reque
 guint site_status(const char *answer) {
     return g_str_has_prefix(answer, "HTTP/1.") && strlen(answer) > 12 ? (guint)atoi(answer + 9) : 0;
 }
+
+char *site_does(const struct site *site, guint status, const char *path) {
+    char *said = NULL;
+    const guint is = site_ask(site, "POST", path, "Authorization: Bearer " SITE_TOKEN, &said);
+    if (is != status)
+        g_error("POST %s: %u, not %u: %s", path, is, status, said);
+    return said;
+}
+
+char *site_look(const struct site *site, const char *path) {
+    char *text = NULL;
+    g_assert_cmpuint(site_ask(site, "GET", path, NULL, &text), ==, 200);
+    return text;
+}
+
+void site_unlock(Browser *browser) {
+    browser_press(browser, "unlock");
+    g_free(browser_value(browser, "(document.getElementById('token').value = '" SITE_TOKEN
+                                  "', document.getElementById('token-form').requestSubmit())"));
+    browser_wait(browser, "document.getElementById('unlock').hidden");
+}

@@ -4,6 +4,7 @@
 
 #include <libsoup/soup.h>
 
+#include "browser.h"
 #include "operator.h"
 
 #define SITE_TOKEN  "an-0123456789-token"
@@ -42,6 +43,16 @@ void site_capture(struct site *site);
  * (g_free()) and may be NULL. */
 guint site_ask(const struct site *site, const char *method, const char *path, const char *header,
                char **ret);
+
+/* Sends a command with the token, which must be answered with this status. Returns the answer;
+ * g_free(). */
+char *site_does(const struct site *site, guint status, const char *path);
+
+/* Returns the answer to a GET request, which must succeed; g_free(). */
+char *site_look(const struct site *site, const char *path);
+
+/* Types the token into the page. */
+void site_unlock(Browser *browser);
 
 /* Opens a connection from this address, for example 127.0.0.2, without sending anything. Reads and
  * writes wait at most SITE_WAIT_S each. */

@@ -38,6 +38,7 @@ function showCapture() {
     : "Start begins at once, without test shots.");
   for (const button of document.querySelectorAll("#sessions .resume"))
     button.disabled = !token || !isFree || state.latched;
+  showProducts();
 }
 
 function size(bytes) {
@@ -103,10 +104,80 @@ function showSessions(list) {
     const button = actButton("Resume", `Resume ${session.name}`, `sessions/${encodeURIComponent(session.name)}/resume`);
     button.classList.add("resume");
     row.append(element("strong", "", session.name), ` ${new Date(1000 * session.changed).toLocaleString([], { dateStyle: "medium", timeStyle: "short" })}`, button);
+    for (const product in productNames) row.append(productButton(session.name, product));
     return row;
   }));
   if (list.length === 0) $("sessions").append(element("li", "faint", "No session yet."));
 }
+
+// --- files that are made of a session: report, page with the material in 3D, glTF
+
+const productNames = { report: "Report", page: "3D page", gltf: "glTF file" };
+let products = { products: [], making: null, failed: null };
+
+function isMade(session, product) {
+  return products.products.find(made => made.session === session && made.product === product);
+}
+
+// Returns the button that shows a file, or makes it first.
+function productButton(session, product) {
+  const button = element("button", "small product", productNames[product]);
+  button.setAttribute("aria-label", `${productNames[product]} of ${session}`);
+  button.dataset.session = session;
+  button.dataset.product = product;
+  button.onclick = () => openProduct(session, product);
+  return button;
+}
+
+async function loadProducts() {
+  products = await getJson("products");
+  const { making, failed } = products;
+  text("product-state", making ? `${productNames[making.product]} of ${making.session} is being made …`
+    : failed ? `${productNames[failed.product]} of ${failed.session} could not be made: ${failed.why}` : "");
+  showProducts();
+}
+
+function showProducts() {
+  for (const button of document.querySelectorAll("#sessions .product"))
+    button.disabled = !isMade(button.dataset.session, button.dataset.product) &&
+      (!sessionStorage.getItem("token") || !!products.making);
+}
+
+async function openProduct(session, product) {
+  await loadProducts();
+  if (!isMade(session, product)) {
+    if (!await act(`sessions/${encodeURIComponent(session)}/make?product=${product}`)) return;
+    do {
+      await loadProducts();
+      await new Promise(done => setTimeout(done, products.making ? 1000 : 0));
+    } while (products.making);
+  }
+  const made = isMade(session, product);
+  if (!made) {
+    if (!products.failed)
+      text("product-state", `${session} was changed while its ${productNames[product]} was made. Press again to make it anew.`);
+    return;
+  }
+  const uri = `${api}sessions/${encodeURIComponent(session)}/${made.file}`;
+  if (product === "gltf") {
+    const link = element("a");
+    link.href = uri;
+    link.download = `${session}.glb`;
+    link.click();
+    text("product-state", `${session}.glb (${size(made.bytes)}) is being saved.`);
+    return;
+  }
+  text("product-head", `${productNames[product]} of ${session}`);
+  $("product-frame").title = `${productNames[product]} of ${session}`;
+  $("product-frame").src = uri;
+  $("product").hidden = false;
+  $("product-head").scrollIntoView();
+}
+
+$("product-close").onclick = () => {
+  $("product").hidden = true;
+  $("product-frame").removeAttribute("src");
+};
 
 async function loadFiles() {
   const told = await getJson("files");
@@ -119,7 +190,10 @@ async function loadFiles() {
     return option;
   }));
   if ($("file").value !== old) chooseFile();
-  if (hasFolder) showSessions((await getJson("sessions")).sessions);
+  if (hasFolder) {
+    showSessions((await getJson("sessions")).sessions);
+    await loadProducts();
+  }
   showCapture();
 }
 

@@ -69,7 +69,7 @@ TEST(description) {
                                 SITE_TOKEN, NULL};
     site_capture(site);
     g_autofree char *said = process_text(0, argv);
-    assert_has(said, "check_description: 29 operations");
+    assert_has(said, "check_description: 34 operations");
     site_free(site);
 }
 

@@ -15,16 +15,6 @@
 
 #define RIGHT "Authorization: Bearer " SITE_TOKEN
 
-/* Sends a command with the token, which must be answered with this status. Returns the answer;
- * g_free(). */
-static char *does(const struct site *site, guint status, const char *path) {
-    char *said = NULL;
-    const guint is = site_ask(site, "POST", path, RIGHT, &said);
-    if (is != status)
-        g_error("POST %s: %u, not %u: %s", path, is, status, said);
-    return said;
-}
-
 static JsonParser *parsed(const char *text) {
     JsonParser *parser = json_parser_new();
     ok(json_parser_load_from_data(parser, text, -1, ERR));
@@ -35,18 +25,12 @@ static JsonObject *object_of(JsonParser *parser) {
     return json_node_get_object(json_parser_get_root(parser));
 }
 
-static char *look(const struct site *site, const char *path) {
-    char *text = NULL;
-    g_assert_cmpuint(site_ask(site, "GET", path, NULL, &text), ==, 200);
-    return text;
-}
-
 /* Waits until the state has these words or, if has is FALSE, does not have them. */
 static void wait_until(const struct site *site, const char *words, gboolean has) {
     g_autofree char *text = NULL;
     for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
         g_free(text);
-        text = look(site, "api/v1/state");
+        text = site_look(site, "api/v1/state");
         if ((strstr(text, words) != NULL) == has)
             return;
         g_usleep(G_USEC_PER_SEC / 10);
@@ -62,11 +46,11 @@ static void wait_for(const struct site *site, const char *words) {
 /* A session file is listed, planned as `mesorig plan` does, captured, and resumed. */
 TEST(captures) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS, NULL);
-    g_autofree char *files = look(site, "api/v1/files");
+    g_autofree char *files = site_look(site, "api/v1/files");
     assert_has(files, "\"name\": \"session\"");
     g_assert_null(strstr(files, "rig"));
-    g_free(does(site, 200, "api/v1/files/session/plan"));
-    g_autofree char *said = does(site, 200, "api/v1/files/session/plan?session=other");
+    g_free(site_does(site, 200, "api/v1/files/session/plan"));
+    g_autofree char *said = site_does(site, 200, "api/v1/files/session/plan?session=other");
     g_autoptr(JsonParser) here = parsed(said);
     operator_does(site->run, 0, "plan", "--json", "--offline", site->run->rig, site->run->conf,
                   NULL);
@@ -77,17 +61,17 @@ TEST(captures) {
     for (gsize i = 0; i < G_N_ELEMENTS(keys); i++)
         g_assert_cmpint(json_object_get_int_member(plan, keys[i]), ==,
                         json_object_get_int_member(object_of(there), keys[i]));
-    g_free(does(site, 200, "api/v1/files/session/start?session=other"));
+    g_free(site_does(site, 200, "api/v1/files/session/start?session=other"));
     wait_for(site, "\"state\": \"done\"");
     g_autofree char *other = g_build_filename(site->run->directory, "other.session", NULL);
     g_assert_true(g_file_test(other, G_FILE_TEST_IS_DIR));
     operator_does(site->run, 0, "verify", other, NULL);
-    g_autofree char *sessions = look(site, "api/v1/sessions");
+    g_autofree char *sessions = site_look(site, "api/v1/sessions");
     assert_has(sessions, "\"name\": \"other\"");
     /* The same directory again: the plan and the daemon say no. */
-    g_autofree char *twice = does(site, 200, "api/v1/files/session/plan?session=other");
+    g_autofree char *twice = site_does(site, 200, "api/v1/files/session/plan?session=other");
     assert_has(twice, "\"ok\": false");
-    g_free(does(site, 409, "api/v1/files/session/start?session=other"));
+    g_free(site_does(site, 409, "api/v1/files/session/start?session=other"));
     site_free(site);
 }
 
@@ -130,12 +114,15 @@ TEST(stays_in_the_folder) {
     g_assert_true(g_file_set_contents(large, long_text, -1, NULL));
     g_assert_true(g_file_set_contents(binary, "[session]\n\0\xff", 12, NULL));
     for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
-        static const char *const forms[] = {"api/v1/files/%s/plan", "api/v1/files/%s/start",
-                                            "api/v1/files/%s/queue", "api/v1/sessions/%s/resume",
+        static const char *const forms[] = {"api/v1/files/%s/plan",
+                                            "api/v1/files/%s/start",
+                                            "api/v1/files/%s/queue",
+                                            "api/v1/sessions/%s/resume",
+                                            "api/v1/sessions/%s/make?product=report",
                                             "api/v1/files/session/start?session=%s"};
         for (gsize k = 0; k < G_N_ELEMENTS(forms); k++) {
             /* As the name of a new session a name of a file is allowed. */
-            if (k == 4 && i >= 8 && i < 14)
+            if (k == 5 && i >= 8 && i < 14)
                 continue;
             g_autofree char *path = g_strdup_printf(forms[k], names[i]), *said = NULL;
             const guint status = site_ask(site, "POST", path, RIGHT, &said);
@@ -143,13 +130,13 @@ TEST(stays_in_the_folder) {
             g_assert_true(status == 404 || status == 400 || status == 405);
         }
     }
-    g_autofree char *files = look(site, "api/v1/files");
+    g_autofree char *files = site_look(site, "api/v1/files");
     g_assert_cmpint(strstr(files, "\"name\"") == g_strrstr(files, "\"name\""), ==, TRUE);
-    g_autofree char *sessions = look(site, "api/v1/sessions");
+    g_autofree char *sessions = site_look(site, "api/v1/sessions");
     g_assert_null(strstr(sessions, "link"));
     /* The directory of a session that is a link: the daemon sees that something is there. */
-    g_free(does(site, 409, "api/v1/files/session/start?session=link"));
-    g_autofree char *state = look(site, "api/v1/state");
+    g_free(site_does(site, 409, "api/v1/files/session/start?session=link"));
+    g_autofree char *state = site_look(site, "api/v1/state");
     assert_has(state, "\"state\": \"idle\"");
     site_free(site);
 }
@@ -167,7 +154,8 @@ TEST(refuses) {
                                         "lamps/lamp30/off",
                                         "lasers/laser30/on?for_s=5",
                                         "lasers/laser30/off",
-                                        "cameras/cam30/snap?exposure_us=4000"};
+                                        "cameras/cam30/snap?exposure_us=4000",
+                                        "sessions/small/make?product=report"};
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
     struct site *shows = site_new(SITE_RIG | SITE_SESSIONS | SITE_SHOWS, NULL);
     struct site *bare = site_new(SITE_RIG, NULL);
@@ -180,23 +168,25 @@ TEST(refuses) {
         g_assert_cmpuint(site_ask(site, "POST", path, "Host: evil.example", NULL), ==, 421);
         g_assert_cmpuint(site_ask(shows, "POST", path, RIGHT, NULL), ==, 403);
     }
-    g_free(does(bare, 404, "api/v1/files/session/plan"));
-    g_autofree char *none = look(bare, "api/v1/files");
+    g_free(site_does(bare, 404, "api/v1/files/session/plan"));
+    g_autofree char *none = site_look(bare, "api/v1/files");
     assert_has(none, "\"folder\": false");
-    g_free(does(site, 400, "api/v1/files/session/start?process=2"));
-    g_free(does(site, 400, "api/v1/queue/1/move?place=0"));
-    g_free(does(site, 404, "api/v1/queue/x/remove"));
-    g_free(does(site, 409, "api/v1/queue/7/remove"));
-    g_free(does(site, 400, "api/v1/lamps/lamp30/on"));
-    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=16"));
-    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=nan"));
-    g_free(does(site, 400, "api/v1/lamps/lamp30/on?for_s=0"));
-    g_free(does(site, 409, "api/v1/lamps/nobody/on?for_s=5"));
-    g_free(does(site, 404, "api/v1/lamps/%ff/on?for_s=5"));
-    g_free(does(site, 409, "api/v1/cameras/nobody/snap?exposure_us=4000"));
-    g_free(does(site, 404, "api/v1/cameras/%ff/snap?exposure_us=4000"));
-    g_free(does(site, 400, "api/v1/cameras/cam30/snap?exposure_us=-1"));
-    g_autofree char *state = look(site, "api/v1/state");
+    g_free(site_does(site, 400, "api/v1/files/session/start?process=2"));
+    g_free(site_does(site, 400, "api/v1/queue/1/move?place=0"));
+    g_free(site_does(site, 404, "api/v1/queue/x/remove"));
+    g_free(site_does(site, 409, "api/v1/queue/7/remove"));
+    g_free(site_does(site, 400, "api/v1/lamps/lamp30/on"));
+    g_free(site_does(site, 400, "api/v1/lamps/lamp30/on?for_s=16"));
+    g_free(site_does(site, 400, "api/v1/lamps/lamp30/on?for_s=nan"));
+    g_free(site_does(site, 400, "api/v1/lamps/lamp30/on?for_s=0"));
+    g_free(site_does(site, 409, "api/v1/lamps/nobody/on?for_s=5"));
+    g_free(site_does(site, 404, "api/v1/lamps/%ff/on?for_s=5"));
+    g_free(site_does(site, 400, "api/v1/sessions/small/make?product=none"));
+    g_free(site_does(site, 404, "api/v1/sessions/small/make?product=report"));
+    g_free(site_does(site, 409, "api/v1/cameras/nobody/snap?exposure_us=4000"));
+    g_free(site_does(site, 404, "api/v1/cameras/%ff/snap?exposure_us=4000"));
+    g_free(site_does(site, 400, "api/v1/cameras/cam30/snap?exposure_us=-1"));
+    g_autofree char *state = site_look(site, "api/v1/state");
     assert_has(state, "\"state\": \"idle\"");
     site_free(site);
     site_free(shows);
@@ -205,14 +195,14 @@ TEST(refuses) {
 
 TEST(queues) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
-    g_free(does(site, 200, "api/v1/queue/pause"));
+    g_free(site_does(site, 200, "api/v1/queue/pause"));
     wait_for(site, "\"queue_state\": \"paused\"");
-    g_autofree char *first = does(site, 200, "api/v1/files/session/queue?session=a&yes=1");
+    g_autofree char *first = site_does(site, 200, "api/v1/files/session/queue?session=a&yes=1");
     assert_has(first, "{\"number\": 1}");
-    g_free(does(site, 200, "api/v1/files/session/queue?session=b&yes=1"));
-    g_free(does(site, 200, "api/v1/queue/2/move?place=1"));
-    g_free(does(site, 200, "api/v1/queue/1/remove"));
-    g_free(does(site, 200, "api/v1/queue/resume"));
+    g_free(site_does(site, 200, "api/v1/files/session/queue?session=b&yes=1"));
+    g_free(site_does(site, 200, "api/v1/queue/2/move?place=1"));
+    g_free(site_does(site, 200, "api/v1/queue/1/remove"));
+    g_free(site_does(site, 200, "api/v1/queue/resume"));
     g_autofree char *b = g_build_filename(site->run->directory, "b.session", NULL);
     wait_for(site, "\"queue_state\": \"empty\"");
     operator_does(site->run, 0, "verify", b, NULL);
@@ -223,7 +213,7 @@ TEST(queues) {
 static void wait_for_health(const struct site *site, const char *class_name, const char *health) {
     g_autofree char *wanted = g_strdup_printf("\"class\": \"%s\"", class_name);
     for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
-        g_autofree char *text = look(site, "api/v1/state");
+        g_autofree char *text = site_look(site, "api/v1/state");
         g_autoptr(JsonParser) parser = parsed(text);
         JsonArray *devices = json_object_get_array_member(object_of(parser), "devices");
         for (guint k = 0; k < json_array_get_length(devices); k++) {
@@ -241,24 +231,24 @@ static void wait_for_health(const struct site *site, const char *class_name, con
  * ends. */
 TEST(lights) {
     struct site *site = site_new(SITE_RIG, NULL);
-    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
     wait_for_health(site, "lamps", "1 on");
-    g_free(does(site, 200, "api/v1/lamps/lamp30/off"));
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/off"));
     wait_for_health(site, "lamps", "off");
     const gint64 begun = g_get_monotonic_time();
-    g_free(does(site, 200, "api/v1/lasers/laser30/on?for_s=1"));
+    g_free(site_does(site, 200, "api/v1/lasers/laser30/on?for_s=1"));
     wait_for_health(site, "laser", "on");
-    g_free(does(site, 200, "api/v1/lasers/laser30/on?for_s=2"));
+    g_free(site_does(site, 200, "api/v1/lasers/laser30/on?for_s=2"));
     wait_for_health(site, "laser", "off");
     /* laser60 was off all the time: ask until both are. */
     wait_until(site, "\"health\": \"on\"", FALSE);
     g_assert_cmpint(g_get_monotonic_time() - begun, >=, 2 * G_USEC_PER_SEC);
-    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
     g_assert_cmpuint(site_ask(site, "POST", "api/v1/safe", NULL, NULL), ==, 200);
     wait_for_health(site, "lamps", "off");
-    g_free(does(site, 409, "api/v1/lamps/lamp30/on?for_s=15"));
-    g_free(does(site, 200, "api/v1/release"));
-    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_free(site_does(site, 409, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_free(site_does(site, 200, "api/v1/release"));
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
     g_subprocess_send_signal(site->server, SIGTERM);
     g_subprocess_wait(site->server, NULL, NULL);
     operator_does(site->run, 0, "status", "--address", site->bus, NULL);
@@ -276,9 +266,9 @@ TEST(pictures) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autofree char *none = NULL, *png = NULL, *pixels = NULL;
     g_assert_cmpuint(site_ask(site, "GET", "api/v1/cameras/cam30/snap.png", NULL, NULL), ==, 404);
-    g_free(does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
-    g_autofree char *said = does(site, 200, "api/v1/cameras/cam30/snap?exposure_us=4000");
-    g_free(does(site, 200, "api/v1/lamps/lamp30/off"));
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
+    g_autofree char *said = site_does(site, 200, "api/v1/cameras/cam30/snap?exposure_us=4000");
+    g_free(site_does(site, 200, "api/v1/lamps/lamp30/off"));
     g_autoptr(JsonParser) here = parsed(said);
     operator_does(site->run, 0, "snap", "--address", site->bus, "cam30", "-e", "4000", "--lamp",
                   "lamp30", "--json", NULL);
@@ -309,24 +299,6 @@ TEST(pictures) {
     site_free(site);
 }
 
-static void press(Browser *browser, const char *id) {
-    g_autofree char *enabled =
-        g_strdup_printf("!document.getElementById('%s').disabled && "
-                        "document.getElementById('%s').offsetParent !== null",
-                        id, id);
-    g_autofree char *click = g_strdup_printf("document.getElementById('%s').click()", id);
-    browser_wait(browser, enabled);
-    g_free(browser_value(browser, click));
-}
-
-/* Types the token. */
-static void unlock(Browser *browser) {
-    press(browser, "unlock");
-    g_free(browser_value(browser, "(document.getElementById('token').value = '" SITE_TOKEN
-                                  "', document.getElementById('token-form').requestSubmit())"));
-    browser_wait(browser, "document.getElementById('unlock').hidden");
-}
-
 /* From the page alone: a plan, a capture, a session in the queue. On a desktop, then on a phone. */
 static void capture_from_page(int width, int height) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
@@ -335,9 +307,9 @@ static void capture_from_page(int width, int height) {
     browser_wait(browser, "document.getElementById('state').textContent == 'idle'");
     browser_wait(browser, "document.getElementById('file').value == 'session'");
     browser_wait(browser, "document.getElementById('plan').disabled");
-    unlock(browser);
+    site_unlock(browser);
     browser_wait(browser, "document.getElementById('start').disabled");
-    press(browser, "plan");
+    browser_press(browser, "plan");
     browser_wait(browser, "/Time.*On disk.*Shots13/.test("
                           "document.querySelector('#plan-answer dl')?.textContent)");
     /* Another name needs another plan. */
@@ -345,19 +317,19 @@ static void capture_from_page(int width, int height) {
         browser, "(document.getElementById('session-name').value = 'from page', "
                  "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
     browser_wait(browser, "document.getElementById('start').disabled");
-    press(browser, "plan");
-    press(browser, "start");
+    browser_press(browser, "plan");
+    browser_press(browser, "start");
     browser_wait(browser, "document.getElementById('state').textContent == 'done'");
     browser_wait(browser, "document.getElementById('sessions').textContent.includes('from page')");
     g_autofree char *made = g_build_filename(site->run->directory, "from page.session", NULL);
     operator_does(site->run, 0, "verify", made, NULL);
-    press(browser, "queue-pause");
+    browser_press(browser, "queue-pause");
     browser_wait(browser, "document.getElementById('queue-pause').disabled");
     g_free(browser_value(
         browser, "(document.getElementById('session-name').value = 'queued', "
                  "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
-    press(browser, "plan");
-    press(browser, "enqueue");
+    browser_press(browser, "plan");
+    browser_press(browser, "enqueue");
     browser_wait(browser, "document.querySelectorAll('#queue li').length == 1");
     g_free(browser_value(browser, "document.querySelector('#queue button').click()"));
     browser_wait(browser, "document.querySelectorAll('#queue li').length == 0");
@@ -365,7 +337,7 @@ static void capture_from_page(int width, int height) {
     g_free(browser_value(
         browser, "(document.getElementById('session-name').value = 'from page', "
                  "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
-    press(browser, "plan");
+    browser_press(browser, "plan");
     browser_wait(browser, "document.querySelector('#plan-answer .mistakes') && "
                           "document.getElementById('start').disabled");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
@@ -382,23 +354,23 @@ TEST(lights_of_the_page) {
     browser_open(browser, site->uri);
     browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
     browser_wait(browser, "document.getElementById('light-on').disabled");
-    unlock(browser);
-    press(browser, "light-on");
+    site_unlock(browser);
+    browser_press(browser, "light-on");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
     wait_for_health(site, "lamps", "1 on");
     g_usleep(11 * G_USEC_PER_SEC); /* longer than both leases */
     wait_for_health(site, "lamps", "1 on");
-    press(browser, "light-off");
+    browser_press(browser, "light-off");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is off.'");
     wait_for_health(site, "lamps", "off");
-    press(browser, "light-on");
+    browser_press(browser, "light-on");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
     browser_open(browser, "about:blank");
     wait_for_health(site, "lamps", "off");
     /* Renewals that the server does not get, and a page that cannot say “off”. */
     browser_open(browser, site->uri);
     browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
-    press(browser, "light-on");
+    browser_press(browser, "light-on");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
     g_free(browser_value(browser, "(window.fetch = () => new Promise(() => {}), 1)"));
     wait_for_health(site, "lamps", "off");
@@ -406,9 +378,9 @@ TEST(lights_of_the_page) {
     browser_open(browser, "about:blank");
     browser_open(browser, site->uri);
     browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
-    press(browser, "light-on");
+    browser_press(browser, "light-on");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
-    press(browser, "safe");
+    browser_press(browser, "safe");
     wait_for_health(site, "lamps", "off");
     browser_wait(browser, "document.getElementById('light-on').disabled && "
                           "document.getElementById('light-off').disabled && "
@@ -425,13 +397,13 @@ TEST(live_view) {
     browser_open(browser, site->uri);
     browser_wait(browser, "document.querySelectorAll('#snap-camera option').length == 2");
     browser_wait(browser, "document.getElementById('snap').disabled");
-    unlock(browser);
-    press(browser, "snap");
+    site_unlock(browser);
+    browser_press(browser, "snap");
     browser_wait(browser,
                  "/Focustoo dark/.test(document.getElementById('snap-values').textContent)");
-    press(browser, "light-on");
+    browser_press(browser, "light-on");
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
-    press(browser, "snap");
+    browser_press(browser, "snap");
     browser_wait(browser, "/Mean[1-9]\\d* of \\d+ DN.*Focus\\d/.test("
                           "document.getElementById('snap-values').textContent)");
     browser_wait(browser, "['snap-picture', 'snap-pixels'].every(i => "
@@ -439,7 +411,7 @@ TEST(live_view) {
                           "document.getElementById(i).naturalWidth > 0)");
     browser_wait(browser, "document.getElementById('snap-pixels').naturalWidth == 32");
     browser_wait(browser, "document.querySelectorAll('#snap-histogram path').length == 64");
-    press(browser, "light-off");
+    browser_press(browser, "light-off");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     browser_free(browser);
     site_free(site);
