@@ -194,6 +194,11 @@ static GString *fuzzed(GRand *random, guint16 port) {
         "POST /api/v1/abort HTTP/1.1\r\nHost: @\r\nOrigin: http://@\r\n"
         "Content-Length: 4\r\n\r\nabcd",
         "GET /api/v1/events HTTP/1.0\r\nHost: @\r\n\r\n",
+        "POST /api/v1/lamps/lamp30/on?for_s=5 HTTP/1.1\r\nHost: @\r\nContent-Length: 0\r\n\r\n",
+        "POST /api/v1/files/session/start?session=x HTTP/1.1\r\nHost: @\r\nAuthorization: Bearer "
+        "an-0123456789-tokeN\r\nContent-Length: 0\r\n\r\n",
+        "GET /api/v1/cameras/cam30/pixels.png?x=1&y=1 HTTP/1.1\r\nHost: @\r\n\r\n",
+        "GET /api/v1/sessions/small/report.html HTTP/1.1\r\nHost: @\r\n\r\n",
         "POST /api/v1/continue HTTP/1.1\r\nHost: @\r\nTransfer-Encoding: chunked\r\n\r\n"
         "5\r\nabcde\r\n0\r\n\r\n",
     };
@@ -227,7 +232,7 @@ static GString *fuzzed(GRand *random, guint16 port) {
 TEST(survives) {
     const char *asked = g_getenv("MESORIG_WEB_REQUESTS");
     const int n = asked ? atoi(asked) : REQUESTS;
-    struct site *site = site_new(SITE_SAFE_NEEDS_TOKEN, NULL);
+    struct site *site = site_new(SITE_SAFE_NEEDS_TOKEN | SITE_SESSIONS, NULL);
     g_autoptr(GRand) random = g_rand_new_with_seed(SEED);
     g_autoptr(GSocketClient) client = g_socket_client_new();
     site_capture(site);
