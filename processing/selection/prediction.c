@@ -72,6 +72,13 @@ static void set_measured(Prediction *prediction, const float *probes, gsize n_ro
             prediction->missing[prediction->n_missing++] = (int)p;
 }
 
+Prediction *prediction_begin(const struct prediction_pairs *pairs, const float *probes,
+                             int n_probes) {
+    Prediction *prediction = prediction_of(pairs);
+    set_measured(prediction, probes, 3 * (gsize)n_probes);
+    return prediction;
+}
+
 void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
                            struct vec3 *ret_view, struct vec3 *ret_light) {
     const int v = pair / prediction->n_lights, l = pair % prediction->n_lights;
@@ -86,8 +93,7 @@ void prediction_mean_of(const Prediction *prediction, struct vec3 view, struct v
     prediction_mean(prediction->mean, prediction->max_gloss, view, light, ret);
 }
 
-/* Computes g of all pairs at a position: n_pairs × 3. */
-static void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret) {
+void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret) {
     for (int p = 0; p < prediction->n_pairs; p++) {
         struct vec3 v, l;
         prediction_directions(prediction, at_mm, p, &v, &l);
@@ -95,21 +101,15 @@ static void prediction_means(const Prediction *prediction, struct vec3 at_mm, do
     }
 }
 
-/* The rows of probes that have all measured pairs. */
-struct prediction_rows {
-    int n;
-    double *z, *g; /* n × n_measured: ratios ρ / g, and g */
-    int *probes;   /* n: which row of the probes it is, 3 × probe + colour */
-};
-
-static void rows_clear(struct prediction_rows *rows) {
+void prediction_rows_clear(struct prediction_rows *rows) {
     g_free(rows->z);
     g_free(rows->g);
     g_free(rows->probes);
 }
 
-static void rows_take(const Prediction *prediction, const float *probes, const struct vec3 *at_mm,
-                      int n_probes, struct prediction_rows *ret) {
+gboolean prediction_rows_take(const Prediction *prediction, const float *probes,
+                              const struct vec3 *at_mm, int n_probes, struct prediction_rows *ret,
+                              GError **error) {
     const gsize m = (gsize)prediction->n_measured, most = 3 * (gsize)n_probes;
     g_autofree double *means = g_new(double, 3 * (gsize)prediction->n_pairs);
     *ret = (struct prediction_rows){0, g_new(double, most *m), g_new(double, most *m),
@@ -129,6 +129,13 @@ static void rows_take(const Prediction *prediction, const float *probes, const s
         ret->probes[ret->n] = row;
         ret->n += whole;
     }
+    if (ret->n == 0)
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "none of the %d sampled texels and colours has a value for each of the %d "
+            "measured pairs of directions; capture pictures with pixels that are not finite again",
+            3 * n_probes, prediction->n_measured);
+    return ret->n > 0;
 }
 
 static gboolean factorise(Prediction *prediction, GError **error) {
@@ -280,24 +287,17 @@ static gboolean learn(Prediction *prediction, const float *probes, const struct 
     g_autofree struct vec3 *middle = at_mm ? NULL : g_new0(struct vec3, n_probes);
     struct prediction_rows rows;
     at_mm = at_mm ? at_mm : middle;
-    prediction_mean_fit(prediction, probes, at_mm, n_probes);
-    rows_take(prediction, probes, at_mm, n_probes, &rows);
-    const gboolean ok = rows.n > 0 && learn_rows(prediction, &rows, at_mm, work, error);
-    if (rows.n == 0)
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "none of the %d sampled texels and colours has a value for each of the %d "
-            "measured pairs of directions; capture pictures with pixels that are not finite again",
-            3 * n_probes, prediction->n_measured);
-    rows_clear(&rows);
+    prediction_mean_fit(prediction, probes, at_mm, n_probes, NULL, PREDICTION_MEAN_EVALUATIONS);
+    const gboolean ok = prediction_rows_take(prediction, probes, at_mm, n_probes, &rows, error) &&
+                        learn_rows(prediction, &rows, at_mm, work, error);
+    prediction_rows_clear(&rows);
     return ok;
 }
 
 Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes,
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error) {
-    g_autoptr(Prediction) prediction = prediction_of(pairs);
-    set_measured(prediction, probes, 3 * (gsize)n_probes);
+    g_autoptr(Prediction) prediction = prediction_begin(pairs, probes, n_probes);
     /* Sums of several threads of OpenBLAS depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);

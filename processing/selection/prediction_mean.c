@@ -12,6 +12,7 @@
 #define MIN_COS   0.05
 #define MIN_RMS   1e-4 /* minimum of ρ and of g; darker values count as this value */
 #define TOLERANCE 1e-6
+#define FACTOR    100 /* bound of the first step, as in lmdif1() */
 
 /* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
  * 1), p, q, m_x, m_y. */
@@ -146,20 +147,28 @@ static void begin(const struct prediction_mean_fit *fit, double width, double *x
 
 /* If there are too few values for a fit, g stays the diffuser cos θ_l without lobes. */
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
-                         int n_probes) {
+                         int n_probes, const double *like, int most) {
     static const double widths[STARTS] = {2, 6, 15};
+    const gboolean follows = like && isfinite(like[DIFFUSE]);
+    const int starts = follows ? 1 : STARTS;
     struct prediction_mean_fit fit = {0};
     double x[PREDICTION_MEAN], least = INFINITY;
     for (int k = 0; k < LOBES; k++)
         prediction->mean[DIFFUSE + LOBE * k] = -INFINITY;
     gather(prediction, probes, at_mm, n_probes, &fit);
-    const int n = 3 * fit.n, work = n * PREDICTION_MEAN + 5 * PREDICTION_MEAN + n;
-    g_autofree double *residuals = g_new(double, MAX(n, 1)), *room = g_new(double, work);
-    g_autofree int *indices = g_new(int, PREDICTION_MEAN);
-    for (int start = 0; start < STARTS && n > 2 * PREDICTION_MEAN; start++) {
-        begin(&fit, widths[start], x);
-        lmdif1(prediction_mean_residuals, &fit, n, PREDICTION_MEAN, x, residuals, TOLERANCE,
-               indices, room, work);
+    const int n = 3 * fit.n;
+    g_autofree double *residuals = g_new(double, MAX(n, 1)), *last = g_new(double, MAX(n, 1));
+    g_autofree double *jacobian = g_new(double, (gsize)MAX(n, 1) * PREDICTION_MEAN);
+    double diagonal[PREDICTION_MEAN], qtf[PREDICTION_MEAN], room[3][PREDICTION_MEAN];
+    int indices[PREDICTION_MEAN], evaluations;
+    for (int start = 0; start < starts && n > 2 * PREDICTION_MEAN; start++) {
+        if (follows)
+            memcpy(x, like, sizeof x);
+        else
+            begin(&fit, widths[start], x);
+        lmdif(prediction_mean_residuals, &fit, n, PREDICTION_MEAN, x, residuals, TOLERANCE,
+              TOLERANCE, 0, most, 0, diagonal, 1, FACTOR, 0, &evaluations, jacobian, n, indices,
+              qtf, room[0], room[1], room[2], last);
         prediction_mean_residuals(&fit, n, PREDICTION_MEAN, x, residuals, 0);
         double sum = 0;
         for (int i = 0; i < n; i++)

@@ -1,5 +1,5 @@
-/* The struct and the functions that prediction.c, prediction_choose.c, prediction_kernel.c and
- * prediction_mean.c share. */
+/* The struct and the functions that nearest_prediction.c, prediction.c, prediction_choose.c,
+ * prediction_kernel.c and prediction_mean.c share. */
 #pragma once
 
 #include "base/robust.h"
@@ -48,16 +48,41 @@ struct prediction {
     double left_out_error, left_out_share;
 };
 
+/* Makes a prediction with default constants, and sets which pairs are measured (prediction_new()).
+ * Free it with prediction_free(). */
+Prediction *prediction_begin(const struct prediction_pairs *pairs, const float *probes,
+                             int n_probes);
+
+/* The rows of probes that have all measured pairs. */
+struct prediction_rows {
+    int n;
+    double *z, *g; /* n × n_measured: ratios ρ / g, and g */
+    int *probes;   /* n: which row of the probes it is, 3 × probe + colour */
+};
+
+/* Takes the rows from probes as in prediction_new(). Fails with DATA_ERROR_INVALID if no row has
+ * all measured pairs. Call prediction_rows_clear() even if this fails. */
+gboolean prediction_rows_take(const Prediction *prediction, const float *probes,
+                              const struct vec3 *at_mm, int n_probes, struct prediction_rows *ret,
+                              GError **error);
+void prediction_rows_clear(struct prediction_rows *rows);
+
 /* Gives the directions of a pair at a position on the sample. */
 void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
                            struct vec3 *ret_view, struct vec3 *ret_light);
 
-/* Evaluate g of R, G, B, with the sum of its lobes limited to max_gloss, and fit its parameters
- * and max_gloss to probes as in prediction_new(). */
+/* Computes g of all pairs at a position: n_pairs × 3. */
+void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret);
+
+/* Evaluates g of R, G, B, with the sum of its lobes limited to max_gloss. */
 void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);
+/* Fits the parameters of g and max_gloss to probes as in prediction_new(). like contains parameters
+ * from which the fit starts; if it is NULL, the fit starts from several widths of lobes. most is
+ * the maximum number of evaluations of each start. */
+#define PREDICTION_MEAN_EVALUATIONS (200 * (PREDICTION_MEAN + 1))
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
-                         int n_probes);
+                         int n_probes, const double *like, int most);
 
 /* Shots are chosen by the variances of this covariance, so that the variances of the remaining
  * shots are too small. On the eight materials of docs/lab/fast.md, with a quarter of the shots, the

@@ -113,6 +113,8 @@ static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *
                      const struct joined *lights, const struct work *work, GError **error) {
     const int n_views = (int)views->directions->len, n_lights = (int)lights->directions->len;
     const int rows = 3 * earlier->n_probes, n_pairs = n_views * n_lights;
+    const struct prediction_pairs *of_earlier = &earlier->pairs->all;
+    const int planned_lights = planned->pairs->all.n_lights;
     int taken;
     g_autofree float *known = lamps_table(earlier, &taken);
     if (taken == 0)
@@ -123,13 +125,12 @@ static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *
     g_autofree int *groups = g_new(int, n_pairs);
     for (int pair = 0; pair < n_pairs; pair++) {
         const int v = pair / n_lights, l = pair % n_lights;
-        const gboolean in = v < earlier->n_views && l < earlier->n_lights;
-        const int from = in ? v * earlier->n_lights + l : -1;
-        groups[pair] = in && earlier->groups[from] > 0 ? earlier->groups[from] : -1 - pair;
+        const gboolean in = v < of_earlier->n_views && l < of_earlier->n_lights;
+        const int from = in ? v * of_earlier->n_lights + l : -1;
+        groups[pair] = in && of_earlier->groups[from] > 0 ? of_earlier->groups[from] : -1 - pair;
         for (int row = 0; row < rows; row++)
             table[(gsize)row * (gsize)n_pairs + (gsize)pair] =
-                in ? known[(gsize)row * (gsize)(earlier->n_views * earlier->n_lights) + (gsize)from]
-                   : NAN;
+                in ? known[(gsize)row * (gsize)session_pairs_n(earlier->pairs) + (gsize)from] : NAN;
     }
     const struct prediction_pairs pairs = {
         .n_views = n_views,
@@ -147,9 +148,9 @@ static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *
     planned->n_probes = earlier->n_probes;
     g_free(planned->at_mm);
     planned->at_mm = g_memdup2(earlier->at_mm, sizeof(struct vec3) * (gsize)earlier->n_probes);
-    for (int pair = 0; pair < planned->n_views * planned->n_lights; pair++) {
+    for (int pair = 0; pair < session_pairs_n(planned->pairs); pair++) {
         const int from =
-            views->of[pair / planned->n_lights] * n_lights + lights->of[pair % planned->n_lights];
+            views->of[pair / planned_lights] * n_lights + lights->of[pair % planned_lights];
         float *values = planned->values[pair] = g_new(float, rows);
         for (int row = 0; row < rows; row++)
             values[row] = table[(gsize)row * (gsize)n_pairs + (gsize)from];
@@ -162,12 +163,13 @@ static gboolean take_like(Lamps *planned, const char *like, const struct rig_tim
     struct earlier earlier = {0};
     gboolean ok = expected_open(&earlier, like, timing, error) && expected_read(&earlier, error);
     if (ok) {
-        const Lamps *from = earlier.lamps;
-        struct joined views = join(from->views, from->views_mm, from->n_views, planned->views,
-                                   planned->views_mm, planned->n_views);
-        struct joined lights = join(from->lights, from->lights_mm, from->n_lights, planned->lights,
-                                    planned->lights_mm, planned->n_lights);
-        ok = fill(from, planned, &views, &lights, work, error);
+        const struct prediction_pairs *from = &earlier.lamps->pairs->all;
+        const struct prediction_pairs *to = &planned->pairs->all;
+        struct joined views =
+            join(from->views, from->views_mm, from->n_views, to->views, to->views_mm, to->n_views);
+        struct joined lights = join(from->lights, from->lights_mm, from->n_lights, to->lights,
+                                    to->lights_mm, to->n_lights);
+        ok = fill(earlier.lamps, planned, &views, &lights, work, error);
         clear_joined(&views);
         clear_joined(&lights);
     }
@@ -221,8 +223,8 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
  * points of the curve to ret. */
 static gboolean order_unmeasured(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
-    const struct prediction_pairs pairs = lamps_pairs(lamps);
-    g_autoptr(Prediction) prediction = prediction_new(&pairs, NULL, NULL, 0, &work, error);
+    g_autoptr(Prediction) prediction =
+        prediction_new(&lamps->pairs->all, NULL, NULL, 0, &work, error);
     if (!prediction)
         return FALSE;
     struct lamps_candidates left = lamps_list_candidates(lamps);
@@ -274,7 +276,7 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                                       .timing = timing};
     Lamps *lamps = lamps_make(&setup, views, lights);
     GArray *ret = g_array_new(FALSE, FALSE, sizeof(struct expected_point));
-    const gboolean many = lamps->n_views * lamps->n_lights > PREDICTION_TARGETS;
+    const gboolean many = session_pairs_n(lamps->pairs) > PREDICTION_TARGETS;
     const int most_unmeasured = MAX(1, many ? n / MAX_OF_MANY : n / 2);
     const gboolean ok = like ? take_like(lamps, like, timing, work, error) &&
                                    expected_rounds(lamps, n / 2, ret, error)

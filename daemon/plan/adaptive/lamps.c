@@ -77,17 +77,10 @@ static gboolean lamps_read(gpointer data, GError **error) {
     return TRUE;
 }
 
-static int lamps_pair(const Lamps *lamps, const struct session_shot *shot, int camera) {
-    const int n_cameras = lamps->setup.calibration->rig.n_cameras;
-    return shot->kind == SHOT_LAMP && camera < n_cameras
-               ? lamps->pair_of[(shot->id - 1) * n_cameras + camera]
-               : -1;
-}
-
 void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
                      const struct session_frame *frames, int n) {
     for (int i = 0; i < n; i++) {
-        const int pair = lamps_pair(lamps, shot, frames[i].camera);
+        const int pair = session_pairs_of(lamps->pairs, shot, frames[i].camera);
         if (pair < 0)
             continue;
         const struct rig_camera *camera = &lamps->setup.calibration->rig.cameras[frames[i].camera];
@@ -126,12 +119,12 @@ gboolean lamps_note_done(Lamps *lamps, GError **error) {
 }
 
 static gboolean is_taken(const Lamps *lamps, int pair) {
-    const int shot = lamps->groups[pair];
+    const int shot = lamps->pairs->all.groups[pair];
     return lamps->values[pair] && shot > 0 && lamps->done[shot - 1];
 }
 
 float *lamps_table(const Lamps *lamps, int *ret_taken) {
-    const int n_pairs = lamps->n_views * lamps->n_lights, rows = 3 * lamps->n_probes;
+    const int n_pairs = session_pairs_n(lamps->pairs), rows = 3 * lamps->n_probes;
     float *table = g_new(float, (gsize)n_pairs *(gsize)rows);
     int n = 0, k = 0;
     for (int pair = 0; pair < n_pairs; pair++)
@@ -144,7 +137,7 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
         for (int row = 0; row < rows; row++)
             table[(gsize)row * (gsize)n_pairs + (gsize)pair] =
                 given ? (float)((double)lamps->values[pair][row] /
-                                lamps->output[lamps->groups[pair] - 1])
+                                lamps->output[lamps->pairs->all.groups[pair] - 1])
                       : NAN;
     }
     *ret_taken = n;
@@ -200,7 +193,8 @@ static void add_candidate(const Lamps *lamps, struct lamps_candidates *c, const 
         const int number = k < length ? g_array_index(c->numbers, int, chain[k]) : -1;
         for (int camera = 0; number >= 0 && camera < lamps->setup.calibration->rig.n_cameras;
              camera++) {
-            const int pair = lamps_pair(lamps, lamps->setup.shots->pdata[number], camera);
+            const int pair =
+                session_pairs_of(lamps->pairs, lamps->setup.shots->pdata[number], camera);
             if (pair >= 0)
                 c->pairs[c->n_pairs++] = pair;
         }
@@ -293,24 +287,13 @@ static gboolean choose_shots(Lamps *lamps, const struct rounds *rounds,
     return n >= 0;
 }
 
-struct prediction_pairs lamps_pairs(const Lamps *lamps) {
-    return (struct prediction_pairs){.n_views = lamps->n_views,
-                                     .n_lights = lamps->n_lights,
-                                     .views = lamps->views,
-                                     .lights = lamps->lights,
-                                     .views_mm = lamps->views_mm,
-                                     .lights_mm = lamps->lights_mm,
-                                     .groups = lamps->groups};
-}
-
 gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
-    const struct prediction_pairs pairs = lamps_pairs(lamps);
-    *ret = (struct lamps_choice){.n_pictures = lamps->n_views * lamps->n_lights};
+    *ret = (struct lamps_choice){.n_pictures = session_pairs_n(lamps->pairs)};
     g_autofree float *table = lamps_table(lamps, &ret->n_taken);
     g_autoptr(Prediction) prediction =
-        prediction_new(&pairs, table, lamps->at_mm, lamps->n_probes, &work, error);
+        prediction_new(&lamps->pairs->all, table, lamps->at_mm, lamps->n_probes, &work, error);
     if (!prediction)
         return FALSE;
     ret->shots = g_array_new(FALSE, FALSE, sizeof(int));
@@ -342,73 +325,12 @@ static void spread_probes(Lamps *lamps) {
     }
 }
 
-static struct vec3 *lamps_directions(const GPtrArray *directions) {
-    struct vec3 *ret = g_new(struct vec3, directions->len + 1);
-    for (guint i = 0; i < directions->len; i++) {
-        const struct session_direction *direction = directions->pdata[i];
-        ret[i] = rig_direction(RAD(direction->theta_deg), RAD(direction->phi_deg));
-    }
-    return ret;
-}
-
-/* Computes the positions of cameras and lamps in the sample frame from the session's calibration.
- * The position of a lamp is that in the first shot of its light, because the plan may have shifted
- * the arc. */
-static void find_places(Lamps *lamps, const GPtrArray *views) {
-    const struct rig *rig = &lamps->setup.calibration->rig;
-    lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
-    lamps->lights_mm = g_new(struct vec3, lamps->n_lights + 1);
-    for (int v = 0; v < lamps->n_views; v++) {
-        const struct session_direction *view = views->pdata[v];
-        lamps->views_mm[v] =
-            rig_turn(rig_camera_centre_mm(&rig->cameras[view->device]), -RAD(view->turntable_deg));
-    }
-    for (int l = 0; l < lamps->n_lights; l++) /* far away, if the light has no shot */
-        lamps->lights_mm[l] = vec3_scale(lamps->lights[l], 1e6);
-    for (int i = (int)lamps->setup.shots->len - 1; i >= 0; i--) {
-        const struct session_shot *shot = lamps->setup.shots->pdata[i];
-        if (shot->kind == SHOT_LAMP)
-            lamps->lights_mm[shot->source] = rig_turn(
-                rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->device], RAD(shot->arc_deg)),
-                -RAD(shot->turntable_deg));
-    }
-}
-
-/* Sets pair_of and groups: the pair that each camera shows in each shot. */
-static void find_pairs(Lamps *lamps, const GPtrArray *views) {
-    const struct lamps_setup *setup = &lamps->setup;
-    const int n_cameras = setup->calibration->rig.n_cameras;
-    const int n_pairs = lamps->n_views * lamps->n_lights;
-    lamps->pair_of = g_new(int, (setup->shots->len + 1) * (guint)n_cameras);
-    lamps->groups = g_new(int, n_pairs + 1);
-    for (int pair = 0; pair < n_pairs; pair++)
-        lamps->groups[pair] = -1 - pair;
-    for (guint i = 0; i < setup->shots->len; i++) {
-        const struct session_shot *shot = setup->shots->pdata[i];
-        for (int c = 0; c < n_cameras; c++) {
-            int *pair = &lamps->pair_of[i * (guint)n_cameras + (guint)c];
-            *pair = -1;
-            for (guint v = 0; v < views->len && shot->kind == SHOT_LAMP; v++) {
-                const struct session_direction *view = views->pdata[v];
-                if (camera_set_has(shot->cameras, c) && view->device == c &&
-                    fabs(remainder(view->turntable_deg - shot->turntable_deg, 360)) < 1e-6)
-                    *pair = (int)v * lamps->n_lights + shot->source;
-            }
-            if (*pair >= 0 && shot->state != SHOT_SKIPPED)
-                lamps->groups[*pair] = (int)i + 1;
-        }
-    }
-}
-
 Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
                   const GPtrArray *lights) {
     const guint n = setup->shots->len;
     Lamps *lamps = g_new0(Lamps, 1);
     lamps->setup = *setup;
-    lamps->n_views = (int)views->len;
-    lamps->n_lights = (int)lights->len;
-    lamps->views = lamps_directions(views);
-    lamps->lights = lamps_directions(lights);
+    lamps->pairs = session_pairs_new(&setup->calibration->rig, views, lights, setup->shots);
     lamps->values = g_new0(float *, views->len * lights->len + 1);
     lamps->output = g_new(double, n + 1);
     lamps->done = g_new0(gboolean, n + 1);
@@ -416,8 +338,6 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
     for (guint i = 0; i < n; i++)
         lamps->output[i] = 1;
     spread_probes(lamps);
-    find_pairs(lamps, views);
-    find_places(lamps, views);
     return lamps;
 }
 
@@ -434,17 +354,12 @@ void lamps_stop(Lamps *lamps) {
 void lamps_dispose(Lamps *lamps) {
     if (!lamps)
         return;
-    for (int i = 0; i < lamps->n_views * lamps->n_lights; i++)
+    for (int i = 0; i < session_pairs_n(lamps->pairs); i++)
         g_free(lamps->values[i]);
     g_free(lamps->values);
     g_free(lamps->texels);
-    g_free(lamps->views);
-    g_free(lamps->lights);
-    g_free(lamps->views_mm);
-    g_free(lamps->lights_mm);
     g_free(lamps->at_mm);
-    g_free(lamps->groups);
-    g_free(lamps->pair_of);
+    session_pairs_free(lamps->pairs);
     g_free(lamps->output);
     g_free(lamps->done);
     g_free(lamps->price_s);

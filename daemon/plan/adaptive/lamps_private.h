@@ -3,20 +3,14 @@
 #pragma once
 
 #include "lamps.h"
-#include "selection/prediction.h"
+#include "selection/session_pairs.h"
 
 struct Lamps {
     struct lamps_setup setup;
-    int n_views, n_lights, n_probes;
-    int *texels; /* n_probes: index of the texel of each probe in the grid, row by row */
-    struct vec3 *views, *lights; /* unit vectors of the directions in the sample frame */
-    /* position of the camera of each view, and of the lamp of each light, in the sample frame */
-    struct vec3 *views_mm, *lights_mm;
+    int n_probes;
+    int *texels;        /* n_probes: index of the texel of each probe in the grid, row by row */
     struct vec3 *at_mm; /* position of each probe in the sample frame */
-    /* For each pair of a view and a light: the id of the shot that shows the pair, or −1 − pair if
-     * no shot shows it. Pairs with the same id are taken together. */
-    int *groups;
-    int *pair_of; /* for each shot and camera: the pair that it shows, or −1 */
+    struct session_pairs *pairs;
     /* For each pair: n_probes × 3 reflectances R, G, B, with the lamp output of the calibration.
      * NAN is a hole. NULL if the pair is not measured. No two jobs of the readers set the same
      * pair. */
@@ -38,9 +32,6 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views, const
  * predictor can use (PREDICTION_MAX_MEASURED), only an evenly spread part of them is given. In the
  * expected error, the others then count as predicted. */
 float *lamps_table(const Lamps *lamps, int *ret_taken);
-
-/* Returns all pairs for the predictor. The Lamps owns the arrays. */
-struct prediction_pairs lamps_pairs(const Lamps *lamps);
 
 /* Maximum number of shots of a chain in a pass of the turntable, and of a chain for which the
  * turntable stops at each shot. */

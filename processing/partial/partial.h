@@ -1,0 +1,66 @@
+/*
+ * The material of a session so far, while the session is captured: the pictures under lamps, each
+ * rectified to a small grid of texels and divided by the radiance of a white diffuser, as in the
+ * BTF (btf/btf.h). The session is only read. Pictures are kept in memory, 4 bytes per texel
+ * (shared_exponent.h). A pair (view, light) has the index view · n_lights + light.
+ *
+ * The differences from the BTF are: the grid; each picture of a colour filter is its own guide
+ * (frames/rectify.h), because the other pictures of the view do not exist yet; and the output of a
+ * lamp is the one that is known when its picture is read.
+ *
+ * A Partial belongs to one thread at a time. A struct partial_sample may be used by another one.
+ */
+#pragma once
+
+#include "selection/session_pairs.h"
+
+typedef struct Partial Partial;
+
+/* Maximum width and height of the grid in texels, and maximum memory for all pictures. */
+#define PARTIAL_MAX_TEXELS 128
+#define PARTIAL_MAX_BYTES  ((gsize)256 << 20)
+
+/* Opens a session that is being captured, or was captured. The grid has the proportions of the
+ * session's grid. The error is DATA_ERROR_INCOMPLETE if the session has no views or no lights.
+ * Other errors are those of session_open() and of reading the session. */
+Partial *partial_open(const char *directory, GError **error);
+void partial_free(Partial *partial); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Partial, partial_free)
+
+const struct session_grid *partial_grid(const Partial *partial);
+const GPtrArray *partial_views(const Partial *partial); /* of struct session_direction */
+const GPtrArray *partial_lights(const Partial *partial);
+int partial_n_pairs(const Partial *partial);
+int partial_n_measured(const Partial *partial);
+
+/* Reads the pictures that were committed since the last call, at most `most` of them, in the order
+ * of their shots, and appends their pairs (int) to ret_pairs. A picture whose shot was taken again
+ * is read again. A file that cannot be read, and a camera that does not see the whole sample, are
+ * left out with a line in *ret_problem (set if it is NULL; g_free()). Returns FALSE with an error
+ * if the session cannot be read. */
+gboolean partial_read(Partial *partial, int most, GArray *ret_pairs, char **ret_problem,
+                      GError **error);
+
+/* Returns the picture of a pair, height × width texels (shared_exponent.h), row by row, or NULL if
+ * it is not measured. The bytes never change. Owned by the Partial; take a reference. */
+GBytes *partial_picture(const Partial *partial, int pair);
+
+/* What a prediction needs: the values of some texels, and the pairs that the remaining shots will
+ * take. */
+struct partial_sample {
+    const struct prediction_pairs *pairs; /* borrowed from the Partial, constant */
+    int n_probes, n_measured;
+    float *values;      /* n_probes × 3 × n_pairs, NAN if not measured */
+    struct vec3 *at_mm; /* n_probes */
+    /* n_planned pairs that are not measured yet, in the planned order of their shots, and for each
+     * the number of shots from the first one that is not done up to its own */
+    int n_planned, *planned, *shots;
+};
+#define PARTIAL_PROBES 96
+
+/* Returns NULL if the session cannot be read. */
+struct partial_sample *partial_sample(Partial *partial, GError **error);
+void partial_sample_free(struct partial_sample *sample); /* NULL is ignored */
+
+/* Returns the position of a texel's centre in the sample frame. */
+struct vec3 partial_point_mm(const Partial *partial, double column, double row);

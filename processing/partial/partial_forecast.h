@@ -1,0 +1,45 @@
+/*
+ * The prediction of the pictures that a session does not have yet, with its expected error now and
+ * after further shots. The model is selection/nearest_prediction.h. A PartialForecast is constant
+ * and counted by references; any thread.
+ */
+#pragma once
+
+#include "partial.h"
+#include "selection/nearest_prediction.h"
+
+typedef struct PartialForecast PartialForecast;
+
+/* The expected error after n further shots of the session, in the planned order. Shots of all kinds
+ * count. */
+struct partial_later {
+    int shots;
+    double error;
+};
+#define PARTIAL_LATER 6
+
+/* Makes a forecast. like is an earlier forecast of the same session, or NULL. The model is fitted
+ * anew if like is NULL, or if the number of measured pairs has grown by a quarter since its model
+ * was fitted; otherwise the model of like is used, which takes a fraction of the time. Takes
+ * seconds. The sample must have measured pairs. Errors are those of nearest_prediction_new(). */
+PartialForecast *partial_forecast_new(const struct partial_sample *sample,
+                                      const PartialForecast *like, const struct work *work,
+                                      GError **error);
+PartialForecast *partial_forecast_ref(PartialForecast *forecast);
+void partial_forecast_unref(PartialForecast *forecast); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(PartialForecast, partial_forecast_unref)
+
+/* Number of measured pairs of the sample. */
+int partial_forecast_n_measured(const PartialForecast *forecast);
+/* The expected relative errors of the whole BTF (nearest_prediction_error()), and of a pair
+ * relative to its own values (nearest_prediction_pair_error()). */
+double partial_forecast_error(const PartialForecast *forecast);
+double partial_forecast_pair_error(const PartialForecast *forecast, int pair);
+/* Returns the expected errors after further shots, in the order of their shots. *ret_n is at most
+ * PARTIAL_LATER. Owned by the forecast. */
+const struct partial_later *partial_forecast_later(const PartialForecast *forecast, int *ret_n);
+
+/* Predicts the picture of a pair from the measured pictures, with the exact directions of each
+ * texel: ρ_u = g_u Σ w_i ρ_i / g_i, at least 0. Returns NULL for a pair that the forecast counts as
+ * measured. Uses the Partial, and so belongs to its thread. */
+GBytes *partial_forecast_picture(const PartialForecast *forecast, const Partial *partial, int pair);

@@ -1,0 +1,33 @@
+/* Pictures of three colours in 32 bits per texel, as graphics cards read them: GL_RGB9_E5 of OpenGL
+ * and WebGL. With mantissas r, g, b of 9 bits from the lowest bit on, and the exponent e in the
+ * upper 5 bits, a colour is (r, g, b) · 2^(e − 24). Values from 0 to 65408; the largest colour of a
+ * texel has a relative error of at most 1/512. Any thread. */
+#pragma once
+
+#include <glib.h>
+#include <math.h>
+
+#define SHARED_EXPONENT_MAX 65408.0f
+
+static inline guint32 shared_exponent_pack(const float rgb[3]) {
+    float c[3], most = 0;
+    int exponent;
+    for (int i = 0; i < 3; i++) {
+        c[i] = rgb[i] > 0 ? fminf(rgb[i], SHARED_EXPONENT_MAX) : 0; /* also for NaN */
+        most = fmaxf(most, c[i]);
+    }
+    frexpf(most, &exponent); /* most < 2^exponent */
+    exponent = most > 0 ? MAX(exponent, -15) : -15;
+    if (lroundf(ldexpf(most, 9 - exponent)) > 511)
+        exponent++;
+    guint32 ret = (guint32)(exponent + 15) << 27;
+    for (int i = 0; i < 3; i++)
+        ret |= (guint32)lroundf(ldexpf(c[i], 9 - exponent)) << 9 * i;
+    return ret;
+}
+
+static inline void shared_exponent_unpack(guint32 packed, float ret[3]) {
+    const float scale = ldexpf(1, (int)(packed >> 27) - 24);
+    for (int i = 0; i < 3; i++)
+        ret[i] = scale * (float)(packed >> 9 * i & 511);
+}

@@ -1,0 +1,60 @@
+/* Predicts the missing pairs of a BTF while it is captured. The model is that of prediction.h, but
+ * each missing pair is predicted only from the NEAREST_NEIGHBOURS measured pairs that have the
+ * largest covariance with it (kriging with a moving neighbourhood: Cressie 1993, §3.2.4). The time
+ * therefore grows with the number of pairs, and not with its third power.
+ *
+ * With S the neighbours of a missing pair u, the weights of the ratios z_S are w_u = K_SS⁻¹ k_Su,
+ * and the variance of ρ_u is e g_u² s² (k_uu − k_Suᵀ w_u), where s² is the mean of z² over the
+ * measured pairs of the row. g_u is limited to the maximum of g at the measured pairs, because the
+ * directions that are not measured yet may be far from all measured ones.
+ *
+ * The factor e comes from a cross-validation at the distances of the missing pairs: for a missing
+ * pair u, its nearest measured pair t is predicted from the measured pairs i that are as far from t
+ * as u is (k_ti ≤ k_tu) and that were not taken by the same shot. e is the ratio of the squared
+ * errors to the variances. The expected error is only right if the measured pairs are spread over
+ * all directions. If a whole range of directions is missing, such as all low lights, the measured
+ * pairs do not show what is special there, for instance long shadows.
+ *
+ * Objects are constant after nearest_prediction_new(): any thread. */
+#pragma once
+
+#include "prediction.h"
+
+#define NEAREST_NEIGHBOURS 48
+
+typedef struct NearestPrediction NearestPrediction;
+
+/* Fits the model to probes, which are as in prediction_new(). If like is not NULL, the mean
+ * material and the constants of the covariance are those of like, which must be for the same
+ * directions; this takes a fraction of the time. The error is DATA_ERROR_INVALID if no row of
+ * probes has a value for each measured pair. Can be cancelled by work. */
+NearestPrediction *nearest_prediction_new(const struct prediction_pairs *pairs, const float *probes,
+                                          const struct vec3 *at_mm, int n_probes,
+                                          const NearestPrediction *like, const struct work *work,
+                                          GError **error);
+void nearest_prediction_free(NearestPrediction *prediction); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NearestPrediction, nearest_prediction_free)
+
+/* Gives the measured pairs from which a missing pair is predicted, and their weights: z = Σ w_i
+ * z_i. Returns their number, at most NEAREST_NEIGHBOURS. Returns 0 for a measured pair, and if
+ * nothing is measured. */
+int nearest_prediction_weights(const NearestPrediction *prediction, int pair, const int **ret_pairs,
+                               const float **ret_weights);
+
+/* Computes g of R, G, B of a pair at a position on the sample. */
+void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at_mm, int pair,
+                             double ret[3]);
+
+/* Returns the expected relative error √(Σ σ² / Σ ρ²) over all pairs and probes. Measured pairs
+ * contribute no variance. Returns 1 if nothing is measured. */
+double nearest_prediction_error(const NearestPrediction *prediction);
+
+/* Returns the expected error of one pair, relative to its own values: √(Σ σ² / Σ ρ²) over probes.
+ * Returns 0 for a measured pair, and 1 if nothing is measured. */
+double nearest_prediction_pair_error(const NearestPrediction *prediction, int pair);
+
+/* Returns the expected error (nearest_prediction_error()) after the pairs for which more is TRUE
+ * (n_pairs) were measured as well. At most `targets` of the remaining pairs are examined, evenly
+ * spread. */
+double nearest_prediction_error_after(const NearestPrediction *prediction, const gboolean *more,
+                                      int targets);
