@@ -23,6 +23,7 @@ static const struct command *const commands[] = {
     &cli_watch,
     &cli_pause,
     &cli_continue,
+    &cli_finish,
     &cli_abort,
     &cli_safe,
     &cli_release,

@@ -107,6 +107,7 @@ static const struct request {
 } requests[] = {
     {"pause", bus_rig1_call_pause_sync, "pausing", "after the shot under way", "continue"},
     {"continue", bus_rig1_call_continue_sync, "going on with", NULL, NULL},
+    {"finish", bus_rig1_call_finish_sync, "ending as good enough", NULL, NULL},
     {"abort", bus_rig1_call_abort_sync, "aborted", "the rig is safe, what was taken stays",
      "resume"},
 };
@@ -248,6 +249,8 @@ const struct command cli_watch =
 const struct command cli_pause = CONTROL("pause", run_request, "Pause after the shot under way.");
 const struct command cli_continue =
     CONTROL("continue", run_request, "Continue after a pause or a fault.");
+const struct command cli_finish =
+    CONTROL("finish", run_request, "End a capture as good enough, after the shot under way.");
 const struct command cli_abort =
     CONTROL("abort", run_request, "End a capture now; it can be resumed.");
 const struct command cli_close = {

@@ -33,6 +33,7 @@ static const struct {
     {"Resume", ACTION("capture"), TRUE},
     {"Pause", ACTION("capture"), FALSE},
     {"Continue", ACTION("capture"), TRUE},
+    {"Finish", ACTION("capture"), FALSE},
     {"Abort", ACTION("capture"), FALSE},
     {"QueueAdd", ACTION("capture"), TRUE}, /* with another calibration, the action is "calibrate" */
     {"QueueRemove", ACTION("capture"), FALSE},

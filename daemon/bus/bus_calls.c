@@ -75,6 +75,14 @@ static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus
     return TRUE;
 }
 
+static gboolean on_finish(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_run_need(&bus->run, &error) || !capture_finish(bus->run.capture, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_finish(object, invocation);
+    return TRUE;
+}
+
 static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus->run.capture && bus_unattended_answer(bus->unattended)) {
@@ -264,6 +272,7 @@ void bus_answer_calls(Bus *bus) {
         {"handle-resume", G_CALLBACK(on_resume)},
         {"handle-pause", G_CALLBACK(on_pause)},
         {"handle-continue", G_CALLBACK(on_continue)},
+        {"handle-finish", G_CALLBACK(on_finish)},
         {"handle-abort", G_CALLBACK(on_abort)},
         {"handle-queue-add", G_CALLBACK(on_queue_add)},
         {"handle-queue-remove", G_CALLBACK(on_queue_remove)},

@@ -302,10 +302,24 @@ void capture_pause(Capture *capture) {
     if (capture->starter != 0) {
         clock_cancel(capture->session.devices->clock, &capture->starter);
         run_clock_start(&capture->session.clock);
-        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
+        capture_rest_for_user(capture);
         return;
     }
     sequencer_pause(capture->sequencer);
+}
+
+gboolean capture_finish(Capture *capture, GError **error) {
+    if (capture->state == CAPTURE_DONE || capture->state == CAPTURE_ABORTED)
+        return device_error_set(
+            error, DEVICE_ERROR_BUSY, NULL, "the session has ended already%s",
+            capture->state == CAPTURE_ABORTED ? "; resume it, then end it as good enough" : "");
+    if (capture->state == CAPTURE_PAUSED) {
+        capture_finish_now(capture);
+        return TRUE;
+    }
+    capture->finishing = TRUE;
+    capture_pause(capture);
+    return TRUE;
 }
 
 gboolean capture_continue(Capture *capture, GError **error) {
@@ -325,6 +339,7 @@ gboolean capture_continue(Capture *capture, GError **error) {
     if (!capture_mount_answer(&capture->mounts, &capture->session, error))
         return FALSE;
     capture_marks_accept(&capture->marks, &capture->session);
+    capture->finishing = FALSE;
     capture_session_add_event(&capture->session, "info", "capture", "continued");
     capture_begin_soon(capture);
     return TRUE;

@@ -106,6 +106,13 @@ void capture_free(Capture *capture);
 
 void capture_pause(Capture *capture); /* pauses after the shot under way */
 gboolean capture_continue(Capture *capture, GError **error);
+/* Ends the session after the shot under way, with the shots that are done: the other shots are left
+ * out (SESSION_LEFT_OUT), and the state becomes CAPTURE_DONE. A paused session ends immediately.
+ * Fails if the session has ended already. If the daemon is killed before it has left all shots out,
+ * a later run does the rest. */
+gboolean capture_finish(Capture *capture, GError **error);
+/* Value of a session that capture_finish() has ended: the note of the shots that were left out. */
+#define CAPTURE_FINISHED_KEY "finished"
 /* stops immediately; the session can still be resumed later */
 void capture_abort(Capture *capture);
 

@@ -27,7 +27,8 @@ struct Capture {
     char *reason, *doing;
     /* whether the sequencer has taken all shots that it was given (run_shots.h), or has paused */
     gboolean all_taken;
-    guint starter; /* timer on the rig's clock that starts a run; 0 if there is none */
+    gboolean finishing; /* capture_finish() was called, and waits for the shot under way */
+    guint starter;      /* timer on the rig's clock that starts a run; 0 if there is none */
     guint changed_source;
     gint64 changed_at_us;
 
@@ -52,6 +53,12 @@ extern const struct sequencer_hooks capture_sequencer_hooks;
 
 /* Starts taking the remaining shots, from the main loop. */
 void capture_begin_soon(Capture *capture);
+
+/* Leaves the remaining shots out and ends the run. The rig must be safe. */
+void capture_finish_now(Capture *capture);
+
+/* Pauses because the user wants it, or ends the session if capture_finish() was called. */
+void capture_rest_for_user(Capture *capture);
 
 /* capture_pause_for() drops the frames in flight, stores the reason and pauses.
  * capture_come_to_rest() ends a run: it stops the session's clock and stores the totals and the

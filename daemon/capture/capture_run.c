@@ -119,6 +119,53 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
+/* Marks the shots that are not done as left out. Returns their number, or −1 with an error. */
+static int leave_rest_out(struct capture_session *session, const char *note, GError **error) {
+    int n = 0;
+    for (guint i = 0; i < session->shots->len; i++) {
+        struct session_shot *shot = session->shots->pdata[i];
+        if (shot->state != SHOT_PLANNED)
+            continue;
+        if (!session_commit_shot(session->store, shot->id, SHOT_SKIPPED, NULL, 0, note, error))
+            return -1;
+        shot->state = SHOT_SKIPPED;
+        g_free(shot->note);
+        shot->note = g_strdup(note);
+        n++;
+    }
+    return n;
+}
+
+void capture_finish_now(Capture *capture) {
+    static const char note[] = SESSION_LEFT_OUT " the capture was ended as good enough";
+    struct capture_session *session = &capture->session;
+    g_autoptr(GError) error = NULL;
+    capture_drop_flights(capture);
+    capture->finishing = FALSE;
+    const int n_left = session_set_value(session->store, CAPTURE_FINISHED_KEY, note, &error)
+                           ? leave_rest_out(session, note, &error)
+                           : -1;
+    if (n_left < 0) {
+        stop_for_disk(capture, error);
+        return;
+    }
+    capture_session_count(session);
+    g_clear_pointer(&capture->reason, g_free);
+    capture->fault = CAPTURE_FAULT_NONE;
+    g_autofree char *message = g_strdup_printf(
+        "ended as good enough: %d shots are done, and %d are left out", session->n_done, n_left);
+    add_event(capture, "info", "capture", message);
+    session_remove_unfinished(session->store);
+    capture_come_to_rest(capture, CAPTURE_DONE);
+}
+
+void capture_rest_for_user(Capture *capture) {
+    if (capture->finishing)
+        capture_finish_now(capture);
+    else
+        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
+}
+
 /* Called when all chosen shots are committed. Chooses more shots, or finishes the session. */
 static void end_round(Capture *capture) {
     Adaptive *adaptive = capture->session.adaptive;
@@ -153,10 +200,10 @@ static void when_all_is_committed(Capture *capture) {
     capture->all_taken = FALSE;
     if (run->n_committed == run->list->len)
         end_round(capture);
-    else if (run->n_committed == run->leg->len)
+    else if (run->n_committed == run->leg->len && !capture->finishing)
         pause_for_mounting(capture);
     else
-        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
+        capture_rest_for_user(capture);
 }
 
 /* Commits a shot. Returns FALSE if it cannot be stored; the capture is then paused and no shot is
@@ -457,6 +504,14 @@ static void begin(gpointer data) {
     capture->starter = 0;
     capture->all_taken = FALSE;
     run_clock_start(&session->clock);
+    g_autofree char *finished = session_value(session->store, CAPTURE_FINISHED_KEY);
+    if (finished) { /* shots remain if the daemon was killed while it left them out */
+        if (run->list->len > 0)
+            capture_finish_now(capture);
+        else
+            capture_come_to_rest(capture, CAPTURE_DONE);
+        return;
+    }
     if (run->list->len == 0) {
         if (session->adaptive && !adaptive_is_over(session->adaptive))
             adaptive_choose(session->adaptive);
@@ -510,7 +565,7 @@ static void on_chosen(int n, const char *of_lasers, const char *of_lights, const
     if (of_lights)
         add_event(capture, "info", "lights", of_lights);
     if (pausing)
-        capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
+        capture_rest_for_user(capture);
     else if (n > 0) {
         /* begin() starts the clock again */
         run_clock_stop(&capture->session.clock);

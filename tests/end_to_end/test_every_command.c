@@ -126,6 +126,7 @@ static const struct call_case {
     {"pause", "", .code = 1},
     {"continue", "", .code = 1},
     {"watch", "--no-pictures"},
+    {"finish", "", .code = 1},
     {"abort", "", .code = 1},
     {"safe", ""},
     {"release", ""},

@@ -80,6 +80,7 @@ Without a command all commands are listed.
     watch       Follow a capture until it ends.
     pause       Pause after the shot under way.
     continue    Continue after a pause or a fault.
+    finish      End a capture as good enough, after the shot under way.
     abort       End a capture now; it can be resumed.
     safe        Switch lamps and lasers off and stop all axes, until “release”.
     release     Allow light and movement again after “safe”.

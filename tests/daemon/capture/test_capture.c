@@ -341,6 +341,68 @@ TEST(abort) {
 /* Killed at any moment: a new process finds what was committed and takes the rest. What it takes
  * first is stored at the same time, when the lasers are checked: the dark frames and a sweep of
  * each laser, 64 frames here. It comes that far again and again only if some lives are longer. */
+/* Checks a session that was ended as good enough: it is done, every planned shot is either stored
+ * or left out, and nothing is left for a resume. */
+static void check_finished(struct run *run, int least_done) {
+    g_autoptr(GPtrArray) shots = run_shots(run->session);
+    int done = 0, left_out = 0;
+    run_check_whole(run->session);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        g_assert_cmpint(shot->state, !=, SHOT_PLANNED);
+        done += shot->state == SHOT_DONE;
+        if (shot->state != SHOT_SKIPPED)
+            continue;
+        g_assert_true(g_str_has_prefix(shot->note, SESSION_LEFT_OUT));
+        left_out++;
+    }
+    g_test_message("%d shots done, %d left out", done, left_out);
+    g_assert_cmpint(done, >=, least_done);
+    g_assert_cmpint(left_out, >, 0);
+    assert_has(run->told->str, "ended as good enough");
+    run_resume(run);
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+    run_free(run);
+}
+
+/* A capture ends early, with everything stored: while it runs, while it is paused, before its first
+ * shot, and after the daemon was killed in the middle of leaving shots out. */
+TEST(finish) {
+    for (int way = 0; way < 4; way++) {
+        g_autoptr(GError) error = NULL;
+        struct run *run = run_begin(NULL);
+        if (way != 2)
+            run_until(run, 30);
+        if (way == 1) {
+            capture_pause(run->capture);
+            run_to_pause(run, "by the user");
+        }
+        const int before = run_status(run).shots_done;
+        if (way == 3) {
+            capture_abort(run->capture);
+            g_assert_false(capture_finish(run->capture, &error));
+            g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+            g_clear_pointer(&run->capture, capture_free);
+            g_autoptr(Session) session = ok(session_open(run->session, SESSION_CAPTURE, ERR));
+            g_autoptr(GPtrArray) shots = ok(session_shots(session, ERR));
+            const struct session_shot *last = shots->pdata[shots->len - 1];
+            ok(session_set_value(session, CAPTURE_FINISHED_KEY, SESSION_LEFT_OUT " x", ERR));
+            ok(session_commit_shot(session, last->id, SHOT_SKIPPED, NULL, 0, SESSION_LEFT_OUT " x",
+                                   ERR));
+            g_clear_pointer(&session, session_close);
+            run_resume(run);
+        } else {
+            ok(capture_finish(run->capture, ERR));
+        }
+        g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+        g_clear_error(&error);
+        g_assert_false(capture_finish(run->capture, &error));
+        run_check_safe(run);
+        run_to_end(run);
+        check_finished(run, before);
+    }
+}
+
 TEST(resume) {
     struct run *run = run_begin(NULL);
     gint64 frames = g_test_rand_int_range(1, 20);
