@@ -10,8 +10,10 @@
 #include "session/outputs.h"
 #include "shared_exponent.h"
 
-#define RAD(deg)       ((deg) * (G_PI / 180))
-#define MAX_RECTIFIERS 8 /* rectifications that are kept; with many pixels each takes 10 MB */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* Maximum number of rectifications that are kept. To make one takes ten times as long as to use it.
+ * The quickest order of shots goes through all angles of the turntable again and again. */
+#define MAX_RECTIFIERS 64
 
 /* The rectification of a camera at an angle of the turntable. */
 struct rectifier {
@@ -35,7 +37,7 @@ struct Partial {
     struct picture *pictures; /* for each pair */
     guint8 *holes;            /* n_texels: whether the texel is a hole in any picture */
     int n_measured;
-    GQueue rectifiers; /* of struct rectifier, the last used first */
+    GQueue rectifiers; /* of struct rectifier */
     gint64 seen[2][2]; /* size and time of session.db and of its log at the last complete read */
 };
 
@@ -168,8 +170,6 @@ static const Rectify *find_rectify(Partial *partial, const struct rig *rig, int 
         if (one->camera != camera || fabs(one->turntable_rad - turntable_rad) > 1e-9 ||
             strcmp(one->cfa, cfa) != 0)
             continue;
-        g_queue_unlink(&partial->rectifiers, at);
-        g_queue_push_head_link(&partial->rectifiers, at);
         return one->rectify;
     }
     found = g_new(struct rectifier, 1);
@@ -177,9 +177,12 @@ static const Rectify *find_rectify(Partial *partial, const struct rig *rig, int 
                                 rectify_new(&rig->cameras[camera],
                                             &partial->calibration->camera_radiometry[camera], cfa,
                                             turntable_rad, &partial->grid, error)};
+    /* If there are more angles than room, the one that was used last would always be dropped just
+     * before it is needed. So any is dropped. */
+    if (partial->rectifiers.length == MAX_RECTIFIERS)
+        rectifier_free(
+            g_queue_pop_nth(&partial->rectifiers, (guint)g_random_int_range(0, MAX_RECTIFIERS)));
     g_queue_push_head(&partial->rectifiers, found);
-    if (partial->rectifiers.length > MAX_RECTIFIERS)
-        rectifier_free(g_queue_pop_tail(&partial->rectifiers));
     return found->rectify;
 }
 
