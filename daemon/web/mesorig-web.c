@@ -28,9 +28,8 @@ static const GOptionEntry entries[] = {
      "with TLS; may be repeated",
      "NAME"},
     {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
-     "Let clients that send the first line of this file capture, pause, continue, abort and "
-     "release "
-     "the rig (no client may)",
+     "Let clients that send the first line of this file capture, pause, continue, finish, abort "
+     "and release the rig (no client may)",
      "FILE"},
     {"safe-needs-token", 0, 0, G_OPTION_ARG_NONE, &safe_needs_token,
      "Do not let clients without the token make the rig safe (all clients may)", NULL},

@@ -197,6 +197,10 @@ char *web_rig_state(const WebRig *rig) {
     return state_text(rig, TRUE);
 }
 
+const char *web_rig_session(const WebRig *rig) {
+    return is_away(rig) ? NULL : bus_rig1_get_session(rig->rig);
+}
+
 char *web_rig_events(const WebRig *rig) {
     GString *to = g_string_new("[");
     for (const GList *at = rig->events.head; at; at = at->next) {

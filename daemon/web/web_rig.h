@@ -30,6 +30,9 @@ void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 /* Returns the state as an object. If no daemon answers, its "state" is "away" and its "reason" says
  * why. */
 char *web_rig_state(const WebRig *rig);
+/* Returns the directory of the session that the daemon has, or NULL. Valid until control returns to
+ * the main loop. */
+const char *web_rig_session(const WebRig *rig);
 /* Returns the last WEB_RIG_EVENTS events as an array. */
 char *web_rig_events(const WebRig *rig);
 /* Returns samples of the number of shots done over time: {"elapsed_s": […], "shots": […]}. */
@@ -37,10 +40,10 @@ char *web_rig_progress(const WebRig *rig);
 
 #define WEB_RIG_EVENTS 200
 
-/* Calls a method of the daemon without arguments: "Pause", "Continue", "Abort", "SafeState" or
- * "Release". back is called once in any case, if necessary by web_rig_free(). answer is the tuple
- * that the method returns. If the call failed, answer is NULL and error is set. back owns
- * neither. */
+/* Calls a method of the daemon without arguments: "Pause", "Continue", "Finish", "Abort",
+ * "SafeState" or "Release". back is called once in any case, if necessary by web_rig_free(). answer
+ * is the tuple that the method returns. If the call failed, answer is NULL and error is set. back
+ * owns neither. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
 /* The same for a method with arguments. parameters is a tuple and may be floating. */

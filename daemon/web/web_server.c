@@ -2,6 +2,7 @@
 
 #include "base/json.h"
 #include "web_door.h"
+#include "web_material.h"
 #include "web_origin.h"
 #include "web_products.h"
 #include "web_snaps.h"
@@ -33,6 +34,7 @@ struct WebServer {
     SoupServer *soup;
     WebDoor *door;
     WebRig *rig;
+    WebMaterial *material;
     char *token;
     gboolean safe_needs_token;
     WebSnaps *snaps;
@@ -316,7 +318,8 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
                  {"/app.js", "app.js", "text/javascript; charset=utf-8"},
                  {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"},
                  {"/hands.js", "hands.js", "text/javascript; charset=utf-8"},
-                 {"/snaps.js", "snaps.js", "text/javascript; charset=utf-8"}};
+                 {"/snaps.js", "snaps.js", "text/javascript; charset=utf-8"},
+                 {"/material.js", "material.js", "text/javascript; charset=utf-8"}};
     if (!admit(data, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
@@ -343,9 +346,14 @@ static void send(struct stream *stream, const char *text) {
 
 static void on_news(const char *name, const char *json, gpointer data) {
     WebServer *server = data;
+    web_material_follow(server->material, web_rig_session(server->rig));
     g_autofree char *text = g_strdup_printf("event: %s\ndata: %s\n\n", name, json);
     for (guint i = 0; i < server->streams->len; i++)
         send(server->streams->pdata[i], text);
+}
+
+static void on_material(const char *json, gpointer data) {
+    on_news("material", json, data);
 }
 
 static gboolean keep_alive(gpointer data) {
@@ -461,6 +469,36 @@ static gboolean answer_picture(WebServer *server, SoupServerMessage *message, co
     return TRUE;
 }
 
+static void on_texels(GBytes *picture, const GError *error, gpointer data) {
+    struct waiting *waiting = data;
+    if (picture)
+        respond_bytes(waiting->message, "application/octet-stream", picture);
+    else
+        refuse(waiting->message, SOUP_STATUS_NOT_FOUND, error->message);
+    end_waiting(waiting);
+}
+
+/* Answers a request for material or material/PAIR. Returns FALSE for any other path. */
+static gboolean answer_material(WebServer *server, SoupServerMessage *message, const char *what) {
+    guint64 pair;
+    if (strcmp(what, "material") == 0) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = web_material_text(server->material, &error);
+        if (text)
+            respond(message, SOUP_STATUS_OK, "application/json", text);
+        else
+            refuse(message, SOUP_STATUS_NOT_FOUND, error->message);
+        return TRUE;
+    }
+    if (!g_str_has_prefix(what, "material/") ||
+        !g_ascii_string_to_unsigned(what + strlen("material/"), 10, 0, G_MAXINT, &pair, NULL))
+        return FALSE;
+    struct waiting *waiting = begin_waiting(server, message);
+    if (waiting)
+        web_material_picture(server->material, (int)pair, on_texels, waiting);
+    return TRUE;
+}
+
 static void on_done(GVariant *answer, const GError *error, gpointer data) {
     struct waiting *waiting = data;
     if (error)
@@ -569,8 +607,11 @@ static void do_task(WebServer *server, SoupServerMessage *message, const struct 
 
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
                    GHashTable *query, gpointer data) {
-    static const char *const actions[][2] = {
-        {"pause", "Pause"}, {"continue", "Continue"}, {"abort", "Abort"}, {"release", "Release"}};
+    static const char *const actions[][2] = {{"pause", "Pause"},
+                                             {"continue", "Continue"},
+                                             {"finish", "Finish"},
+                                             {"abort", "Abort"},
+                                             {"release", "Release"}};
     static const struct {
         const char *name;
         char *(*text)(const WebRig *rig);
@@ -615,7 +656,7 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     else if (strcmp(what, "events") == 0 &&
              strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
-    else if (!answer_picture(server, message, what))
+    else if (!answer_material(server, message, what) && !answer_picture(server, message, what))
         refuse(message, SOUP_STATUS_NOT_FOUND,
                "this path does not exist; docs/operate/web.md lists the paths");
 }
@@ -657,6 +698,8 @@ WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError
     soup_server_add_handler(server->soup, API, on_api, server, NULL);
     g_signal_connect(server->soup, "request-started", G_CALLBACK(on_request), server);
     g_signal_connect(server->soup, "request-read", G_CALLBACK(on_request_read), server);
+    server->material = web_material_new(on_material, server);
+    web_material_follow(server->material, web_rig_session(rig));
     web_rig_listen(rig, on_news, server);
     server->keep_alive_id = g_timeout_add_seconds(KEEP_ALIVE_S, keep_alive, server);
     server->door = web_door_new(server->soup, options->address, options->port, error);
@@ -670,6 +713,7 @@ void web_server_free(WebServer *server) {
     if (!server)
         return;
     web_rig_listen(server->rig, NULL, NULL);
+    web_material_free(server->material);
     g_source_remove(server->keep_alive_id);
     while (server->streams->len > 0) {
         struct stream *stream = server->streams->pdata[0];

@@ -76,8 +76,20 @@ class Rig:
         """Of that picture: width, height, time_s, shares of white and black pixels, and a histogram."""
         return self._json("cameras/%s.json" % urllib.parse.quote(camera, safe=""))
 
+    def material(self) -> Dict[str, Any]:
+        """The material so far of the session that is captured: directions of views and lights, which pairs are measured,
+        and the expected errors of the others."""
+        return self._json("material")
+
+    def material_picture(self, pair: int) -> bytes:
+        """The picture of the pair view · number of lights + light, measured or predicted: height × width texels of 4
+        bytes, as docs/operate/web.md describes them."""
+        with self._open("material/%d" % pair) as answer:
+            return answer.read()
+
     def events(self) -> Iterator[Tuple[str, Dict[str, Any]]]:
-        """Waits for news without end: ("state", state), ("event", event) and ("picture", {"camera": name}). The server
+        """Waits for news without end: ("state", state), ("event", event), ("picture", {"camera": name}) and
+        ("material", news of material()). The server
         sends a line every 20 s at the latest; the iterator raises Error if none comes for a minute.
         """
         name = ""
@@ -108,6 +120,10 @@ class Rig:
     def resume(self) -> None:
         """Continues after a pause or a fault, and says that what the prompt asks for is done."""
         self._json("continue", "POST")
+
+    def finish(self) -> None:
+        """Ends the capture as good enough. The remaining shots are left out."""
+        self._json("finish", "POST")
 
     def abort(self) -> None:
         """Ends the capture now. It can be resumed."""

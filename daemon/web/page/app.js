@@ -70,10 +70,12 @@ function showState() {
   $("pause").disabled = !token || !runs;
   $("continue").disabled = !token || (!paused && !state.prompt);
   $("abort").disabled = !token || !busy;
+  $("finish").disabled = !token || !busy;
+  $("good-enough").hidden = !acts || !token || !busy || !material.info;
   $("release").hidden = !state.latched;
   $("release").disabled = !token || away;
   $("unlock").hidden = !acts || !!token;
-  for (const name of ["pause", "continue", "abort"]) $(name).hidden = !acts;
+  for (const name of ["pause", "continue", "finish", "abort"]) $(name).hidden = !acts;
   if (!acts) $("release").hidden = true;
   const rows = (state.devices || []).map(device => {
     const row = element("tr", device.health.startsWith("unsafe") ? "unsafe" : "");
@@ -82,6 +84,7 @@ function showState() {
   });
   $("devices").tBodies[0].replaceChildren(...rows);
   showQueue();
+  showError();
   for (const device of state.devices || [])
     if (device.class === "camera") watchCamera(device.name);
   document.dispatchEvent(new Event("rig"));
@@ -387,18 +390,24 @@ function askToken() {
 
 for (const name of ["pause", "continue", "release"]) $(name).onclick = () => act(name);
 $("safe").onclick = () => safeNeedsToken && !sessionStorage.getItem("token") ? askToken() : act("safe");
-// A dialog would hide the button “Safe state”. The button therefore asks to be pressed again.
-$("abort").onclick = () => {
-  if ($("abort").dataset.sure) act("abort");
-  const sure = !$("abort").dataset.sure;
-  clearTimeout($("abort").dataset.timer);
-  showSure(sure);
-  if (sure) $("abort").dataset.timer = setTimeout(showSure, 5000, false);
+// A dialog would hide the button “Safe state”. The buttons therefore ask to be pressed again.
+const ends = {
+  abort: ["Abort", "Press again to abort", "Frames that were taken are kept, and the session can be resumed."],
+  finish: ["Good enough", "Press again to end",
+           "Frames that were taken are kept. The other shots are left out, and their pictures are predicted."],
 };
-function showSure(sure) {
-  $("abort").dataset.sure = sure ? "1" : "";
-  text("abort", sure ? "Press again to abort" : "Abort");
-  text("done", sure ? "Frames that were taken are kept, and the session can be resumed." : "");
+for (const name in ends) $(name).onclick = () => {
+  if ($(name).dataset.sure) act(name);
+  const sure = !$(name).dataset.sure;
+  clearTimeout($(name).dataset.timer);
+  showSure(name, sure);
+  if (sure) $(name).dataset.timer = setTimeout(showSure, 5000, name, false);
+};
+function showSure(name, sure) {
+  const [label, again, what] = ends[name];
+  $(name).dataset.sure = sure ? "1" : "";
+  text(name, sure ? again : label);
+  text("done", sure ? what : "");
 }
 $("unlock").onclick = askToken;
 $("token-form").onsubmit = event => {
@@ -423,6 +432,7 @@ async function reload() {
   $("events").replaceChildren();
   for (const event of await getJson("log")) addEvent(event);
   drawCourse(await getJson("progress"));
+  await reloadMaterial();
 }
 
 let course = 0;
@@ -441,6 +451,7 @@ function openStream() {
     if (stream.readyState === EventSource.CLOSED) setTimeout(openStream, 5000);
   };
   stream.addEventListener("event", event => addEvent(JSON.parse(event.data)));
+  stream.addEventListener("material", event => takeMaterial(JSON.parse(event.data)));
   stream.addEventListener("picture", event => {
     const { camera } = JSON.parse(event.data);
     if (cameras.has(camera)) loadPicture(camera); else watchCamera(camera);
@@ -456,4 +467,4 @@ function openStream() {
     }
   });
 }
-openStream();
+addEventListener("load", openStream); // material.js is loaded after this file

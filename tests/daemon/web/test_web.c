@@ -69,7 +69,7 @@ TEST(description) {
                                 SITE_TOKEN, NULL};
     site_capture(site);
     g_autofree char *said = process_text(0, argv);
-    assert_has(said, "check_description: 34 operations");
+    assert_has(said, "check_description: 37 operations");
     site_free(site);
 }
 
@@ -321,6 +321,88 @@ TEST(in_browser) {
     browser_wait(browser,
                  "document.getElementById('state').textContent == 'mesorigd does not answer'");
     browser_free(browser);
+    site_free(site);
+}
+
+/* Returns the mean brightness of the picture of the material in 8 bits. */
+#define BRIGHTNESS                                                                                 \
+    "(() => { const gl = document.getElementById('material').getContext('webgl2');"                \
+    " const p = new Uint8Array(4 * 128 * 128);"                                                    \
+    " gl.readPixels(192, 192, 128, 128, gl.RGBA, gl.UNSIGNED_BYTE, p);"                            \
+    " return p.reduce((a, b, i) => i % 4 == 3 ? a : a + b, 0) / (3 * 128 * 128); })()"
+
+static double brightness(Browser *browser) {
+    g_autofree char *text = browser_value(browser, BRIGHTNESS);
+    return g_ascii_strtod(text, NULL);
+}
+
+/* The material so far: it is drawn, follows the light by mouse and keyboard, and says what is
+ * measured. */
+TEST(material) {
+    static const struct change small[] = {
+        {"[sample]", "width_mm = 30"}, {"[sample]", "height_mm = 30"}, {0}};
+    struct site *site = site_new(0, NULL);
+    Browser *browser = browser_new(900, 900);
+    g_autofree char *none = NULL, *told = NULL;
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/material", NULL, &none), ==, 404);
+    assert_has(none, "no session is captured");
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/material/0", NULL, NULL), ==, 404);
+    small_rig_write(site->run->directory, "session.conf", small);
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.getElementById('material-section').hidden");
+    site_capture(site);
+    browser_wait(browser, "document.getElementById('material-error').textContent == "
+                          "'All 16 pictures are measured.'");
+    browser_wait(browser, "material.error === 0");
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/material", NULL, &told), ==, 200);
+    assert_has(told, "\"measured\": 16");
+    assert_has(told, "\"expected_error\": 0.0");
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/material/16", NULL, NULL), ==, 404);
+    g_assert_cmpuint(site_ask(site, "GET", "api/v1/material/99999999999", NULL, NULL), ==, 404);
+    browser_wait(browser, "/: measured\\.$/.test("
+                          "document.getElementById('material-text').textContent)");
+    browser_wait(browser, BRIGHTNESS " > 20");
+    const double before = brightness(browser);
+    browser_wait(browser, "document.querySelectorAll('#material-lights .measured').length == 4");
+    /* A low light: the sample is matt, so it becomes darker by the cosine. */
+    g_free(browser_value(browser, "(() => { for (let i = 0; i < 10; i++) "
+                                  "document.getElementById('material').dispatchEvent(new "
+                                  "KeyboardEvent('keydown', {key: 'ArrowUp'})); })()"));
+    browser_wait(browser, "/^Light from θ 85°/.test("
+                          "document.getElementById('material-text').textContent)");
+    browser_wait(browser, "material.requested.size == 0");
+    g_test_message("brightness %.1f, under a low light %.1f", before, brightness(browser));
+    g_assert_cmpfloat(brightness(browser), <, 0.6 * before);
+    /* A click in the middle of the map brings the light to the zenith. */
+    g_free(browser_value(
+        browser, "(() => { const m = document.getElementById('material-lights'), b = "
+                 "m.getBoundingClientRect(); m.setPointerCapture = () => {}; "
+                 "m.dispatchEvent(new PointerEvent('pointerdown', {clientX: b.x + b.width / 2, "
+                 "clientY: b.y + b.height / 2})); })()"));
+    browser_wait(browser, "/^Light from θ 0°/.test("
+                          "document.getElementById('material-text').textContent)");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    browser_free(browser);
+    site_free(site);
+}
+
+/* “Good enough” ends a capture that is paused by a fault. */
+TEST(good_enough) {
+    static const struct change gone[] = {{"[camera cam60]", "fault_disconnect_after = 9"},
+                                         {"[camera cam60]", "fault_reconnect_s = 100000"},
+                                         {0}};
+    struct site *site = site_new(0, gone);
+    g_assert_cmpuint(site_ask(site, "POST", "api/v1/finish", NULL, NULL), ==, 401);
+    operator_does(site->run, 1, "capture", "--address", site->bus, site->run->rig, site->run->conf,
+                  "-o", site->run->session, NULL);
+    wait_for_state(site, "paused");
+    g_assert_cmpuint(
+        site_ask(site, "POST", "api/v1/finish", "Authorization: Bearer " SITE_TOKEN, NULL), ==,
+        200);
+    wait_for_state(site, "done");
+    g_assert_cmpuint(
+        site_ask(site, "POST", "api/v1/finish", "Authorization: Bearer " SITE_TOKEN, NULL), ==,
+        409);
     site_free(site);
 }
 
