@@ -10,6 +10,7 @@
 #include "lpca_revised.h"
 #include "lpca_view.h"
 #include "microfacet.h"
+#include "neural_view.h"
 #include "session/session.h"
 
 #include <glib/gstdio.h>
@@ -27,6 +28,7 @@ const struct method *const methods[] = {
     &methods_lobes[LOBES_LAFORTUNE],
     &methods_lobes[LOBES_WARD],
     &methods_lobes[LOBES_ASHIKHMIN],
+    &method_neural,
     &methods_microfacet[0],
     &methods_microfacet[1],
     &methods_microfacet[2],

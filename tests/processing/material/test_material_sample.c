@@ -165,6 +165,7 @@ BEFORE_TESTS {
         {"ward", ""},
         {"lafortune", ""},
         {"ptm", ""},
+        {"neural", ""},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {
         g_autofree char *path =

@@ -1,0 +1,27 @@
+/*
+ * Neural planes (neural.h) on the graphics card. The surface is an array texture of bytes, and the
+ * heights are a texture of half floats that have the values of their bytes: some cards and llvmpipe
+ * round the filtered values of byte textures to bytes, which is too coarse for slopes and shadows.
+ * The planes over directions and the network are decoded to floats, which are a few kilobytes. The
+ * scales of the channels of the surface are part of the weights of the first layer.
+ *
+ * Between two mip levels, each read of a texture is interpolated, and the network is evaluated
+ * once. The card computes the mip levels that a file lacks, and all levels of the heights.
+ *
+ * Under an even sky, (1/π) ∫ B dω is computed beforehand for each texel and SKY × SKY views, as the
+ * sum over 16 lights, and belongs to the end of a ray. If the material has many texels, those of a
+ * coarser mip level are taken.
+ */
+#pragma once
+
+#include "codecs/neural/neural.h"
+#include "method.h"
+
+typedef struct NeuralView NeuralView; /* belongs to the thread of the GL context */
+
+/* Makes the view of a model and its n − 1 mip levels. Copies everything that it needs. */
+NeuralView *neural_view_new(struct neural *const *levels, int n, GError **error);
+void neural_view_free(NeuralView *view); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NeuralView, neural_view_free)
+
+extern const struct method method_neural; /* its material is a NeuralView */
