@@ -45,12 +45,15 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(OutputFile) file = open_output(output, error);
     if (!file || !cli_work_write(file, write_web, &web, &seconds, error))
         return CLI_FAILED;
-    record_say(to,
-               "%s{file}: %d{width} × %d{height} texels, %d{clusters} %s of %d{components} %s in "
-               "%d{levels} %s on a grid of %d{grid}, ",
-               output, result->width, result->height, PLURAL(result->clusters, "cluster"),
-               PLURAL(result->components, "component"), PLURAL(result->levels, "level"),
-               result->grid);
+    record_say(to, "%s{file}: %d{width} × %d{height} texels, ", output, result->width,
+               result->height);
+    if (result->channels > 0)
+        record_say(to, "neural planes of %d{channels} channels, ", result->channels);
+    else
+        record_say(to,
+                   "%d{clusters} %s of %d{components} %s in %d{levels} %s on a grid of %d{grid}, ",
+                   PLURAL(result->clusters, "cluster"), PLURAL(result->components, "component"),
+                   PLURAL(result->levels, "level"), result->grid);
     record_boolean(to, "silhouettes", result->shell);
     record_boolean(to, "compressed", result->compressed);
     record_say(to, "%" G_GINT64_FORMAT "{bytes:size}, in %g{real_s:time}\n", result->bytes,

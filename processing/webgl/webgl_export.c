@@ -13,16 +13,19 @@ static gboolean is_page(const char *output) {
     return g_str_has_suffix(lower, ".html");
 }
 
+static gint64 output_bytes(const struct webgl_export *asked, const struct webgl_pack *pack, int n) {
+    const gint64 bytes = webgl_pack_bytes(pack, n) + HEADER;
+    return is_page(asked->output) ? webgl_page_bytes(bytes) : bytes;
+}
+
 /* Returns n of the finest grid with which the output fits into the size, even if its sections do
  * not compress at all. If the local PCA is already on a grid, tries only this grid. Returns 0 with
  * an error if no grid fits. */
 static int grid(const struct webgl_export *asked, const struct webgl_pack *pack, GError **error) {
-    const gboolean page = is_page(asked->output);
     const int own = pack->levels[0]->n_grid;
     gint64 bytes = 0;
     for (int n = own > 0 ? own : WEBGL_PACK_GRID_MAX; n >= WEBGL_PACK_GRID_MIN; n--) {
-        bytes = webgl_pack_bytes(pack, n) + HEADER;
-        bytes = page ? webgl_page_bytes(bytes) : bytes;
+        bytes = output_bytes(asked, pack, n);
         if (bytes <= asked->size)
             return n;
         if (own > 0)
@@ -41,23 +44,47 @@ static int grid(const struct webgl_export *asked, const struct webgl_pack *pack,
     return 0;
 }
 
+/* Returns FALSE with an error if neural planes do not fit into the size. */
+static gboolean check_neural(const struct webgl_export *asked, const struct webgl_pack *pack,
+                             GError **error) {
+    const gint64 bytes = output_bytes(asked, pack, 0);
+    g_autofree char *needed = g_format_size((guint64)bytes);
+    g_autofree char *limit = g_format_size((guint64)asked->size);
+    const struct btf_layout *layout = &pack->neural->layout;
+    return bytes <= asked->size ||
+           data_error_fail(asked->path, 0, error,
+                           "%zu × %zu texels of %d channels take up to %s, but --size allows %s; "
+                           "give a larger --size, or export a file that “mesorig compress” made "
+                           "with fewer --components",
+                           layout->width, layout->height, pack->neural->n_channels, needed, limit);
+}
+
 static gboolean webgl_export_source(const struct webgl_export *asked,
                                     const struct webgl_source *source, const struct work *work,
                                     struct webgl_export_result *ret, GError **error) {
     const struct lpca *lpca = source->levels[0];
+    const struct neural *neural = source->neural;
+    const struct btf_layout *layout = neural ? &neural->layout : &lpca->layout;
+    const char *name = neural ? neural->name : lpca->name;
     g_autofree char *base = g_path_get_basename(asked->path);
-    const struct webgl_pack pack = {lpca->name && *lpca->name ? lpca->name : base, source->levels,
-                                    source->n_levels, source->shell, source->views};
-    const int n = grid(asked, &pack, error);
-    g_autoptr(GBytes) material = n > 0 ? webgl_pack(&pack, n, work, error) : NULL;
+    const struct webgl_pack pack = {name && *name ? name : base,
+                                    source->levels,
+                                    source->n_levels,
+                                    source->shell,
+                                    source->views,
+                                    neural};
+    const int n = neural ? 0 : grid(asked, &pack, error);
+    const gboolean fits = neural ? check_neural(asked, &pack, error) : n > 0;
+    g_autoptr(GBytes) material = fits ? webgl_pack(&pack, n, work, error) : NULL;
     if (!material)
         return FALSE;
     g_autoptr(GBytes) output =
         is_page(asked->output) ? webgl_page(pack.name, material) : g_bytes_ref(material);
-    *ret = (struct webgl_export_result){.width = (int)lpca->layout.width,
-                                        .height = (int)lpca->layout.height,
-                                        .clusters = lpca->n_clusters,
-                                        .components = lpca->n_components,
+    *ret = (struct webgl_export_result){.width = (int)layout->width,
+                                        .height = (int)layout->height,
+                                        .clusters = neural ? 0 : lpca->n_clusters,
+                                        .components = neural ? 0 : lpca->n_components,
+                                        .channels = neural ? neural->n_channels : 0,
                                         .levels = source->n_levels,
                                         .grid = n,
                                         .shell = source->shell != NULL,

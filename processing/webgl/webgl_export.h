@@ -14,7 +14,9 @@ struct webgl_export {
 };
 
 struct webgl_export_result {
-    int width, height, clusters, components, levels, grid;
+    int width, height;
+    int clusters, components, levels, grid; /* 0 for neural planes */
+    int channels;                           /* of neural planes; 0 for a local PCA */
     gboolean shell;      /* whether there is an MDF, from which the shell is made */
     gboolean compressed; /* whether the material was compressed for this export */
     gint64 bytes;

@@ -8,6 +8,7 @@
 #include "codecs/lpca/lpca_volumes.h"
 #include "directions/directions.h"
 #include "exr/exr_half.h"
+#include "webgl_neural.h"
 
 /* Totals over all mip levels: the number of clusters, the maximum number of components, and the
  * number of texels. */
@@ -54,11 +55,16 @@ static gsize views_bytes(const struct mdf_table *t, const Directions *triangulat
            3 * sizeof(guint16) * (gsize)n_triangles;
 }
 
-gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
+static gsize levels_bytes(const struct webgl_pack *pack, int n_grid) {
     const struct totals all = webgl_pack_totals(pack);
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
-    gsize bytes = all.texels * 2 * (1 + (gsize)all.components);
-    bytes += (gsize)all.clusters * (2 + (gsize)all.components) * webgl_pack_block(n);
+    return all.texels * 2 * (1 + (gsize)all.components) +
+           (gsize)all.clusters * (2 + (gsize)all.components) * webgl_pack_block(n);
+}
+
+gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
+    gsize bytes =
+        pack->neural ? (gsize)webgl_neural_bytes(pack->neural) : levels_bytes(pack, n_grid);
     if (pack->shell)
         bytes += shell_bytes(pack->shell);
     g_autoptr(Directions) triangulated = triangulate(pack->views);
@@ -214,50 +220,71 @@ static GVariant *shell_info(const struct mdf_shell *s) {
     return g_variant_dict_end(&shell);
 }
 
-static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n,
-                                 gboolean along) {
-    const struct btf_layout *layout = &pack->levels[0]->layout;
-    GVariantDict info;
+static void insert_levels(GVariantDict *info, const struct webgl_pack *pack,
+                          const struct totals *all, int n) {
     GVariantBuilder levels;
     g_variant_builder_init(&levels, G_VARIANT_TYPE("aax"));
     for (int k = 0; k < pack->n_levels; k++)
         g_variant_builder_add_value(
             &levels, g_variant_new_parsed("[%x, %x]", (gint64)pack->levels[k]->layout.width,
                                           (gint64)pack->levels[k]->layout.height));
-    g_variant_dict_init(&info, NULL);
-    g_variant_dict_insert(&info, "name", "s", pack->name);
-    g_variant_dict_insert(&info, "texel_mm", "d", layout->texel_mm);
-    g_variant_dict_insert_value(&info, "levels", g_variant_builder_end(&levels));
-    g_variant_dict_insert(&info, "clusters", "i", all->clusters);
-    g_variant_dict_insert(&info, "components", "i", all->components);
-    g_variant_dict_insert(&info, "grid", "i", n);
-    g_variant_dict_insert(&info, "views", "i", (int)pack->levels[0]->layout.views.n);
+    g_variant_dict_insert_value(info, "levels", g_variant_builder_end(&levels));
+    g_variant_dict_insert(info, "clusters", "i", all->clusters);
+    g_variant_dict_insert(info, "components", "i", all->components);
+    g_variant_dict_insert(info, "grid", "i", n);
+}
+
+static void insert_common(GVariantDict *info, const struct webgl_pack *pack,
+                          const struct btf_layout *layout, gboolean along) {
+    g_variant_dict_insert(info, "name", "s", pack->name);
+    g_variant_dict_insert(info, "texel_mm", "d", layout->texel_mm);
+    g_variant_dict_insert(info, "views", "i", (int)layout->views.n);
     if (pack->shell)
-        g_variant_dict_insert_value(&info, "shell", shell_info(pack->shell));
+        g_variant_dict_insert_value(info, "shell", shell_info(pack->shell));
     if (along)
-        g_variant_dict_insert_value(&info, "along", along_info(pack->views));
-    return g_variant_dict_end(&info);
+        g_variant_dict_insert_value(info, "along", along_info(pack->views));
+}
+
+/* Adds the sections of the local PCA. */
+static gboolean add_levels(WebglFile *file, const struct webgl_pack *pack, int n_grid,
+                           const struct work *work, GVariantDict *info, GError **error) {
+    const struct totals all = webgl_pack_totals(pack);
+    const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
+    if (all.clusters > G_MAXUINT16)
+        return data_error_fail(
+            pack->name, 0, error,
+            "the mip levels have %d clusters together, but a web file can have at most 65535; "
+            "compress the material with fewer clusters (-k)",
+            all.clusters);
+    insert_levels(info, pack, &all, n);
+    return webgl_pack_texels(file, pack, &all, error) &&
+           webgl_pack_volumes(file, pack, &all, n, work, error);
+}
+
+/* Adds the sections of neural planes. */
+static gboolean add_neural(WebglFile *file, const struct neural *neural, GVariantDict *info,
+                           GError **error) {
+    g_variant_dict_insert_value(info, "levels",
+                                g_variant_new_parsed("[[%x, %x]]", (gint64)neural->layout.width,
+                                                     (gint64)neural->layout.height));
+    return webgl_neural_add(file, neural, info, error);
 }
 
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error) {
-    const struct totals all = webgl_pack_totals(pack);
-    const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
+    const struct btf_layout *layout =
+        pack->neural ? &pack->neural->layout : &pack->levels[0]->layout;
     g_autoptr(WebglFile) file = webgl_file_new();
     g_autoptr(Directions) triangulated = triangulate(pack->views);
-    if (all.clusters > G_MAXUINT16) {
-        data_error_set(pack->name, 0, error,
-                       "the mip levels have %d clusters together, but a web file can have at most "
-                       "65535; compress the material with fewer clusters (-k)",
-                       all.clusters);
-        return NULL;
-    }
-    if (!webgl_pack_texels(file, pack, &all, error) ||
-        !webgl_pack_volumes(file, pack, &all, n, work, error) ||
+    g_auto(GVariantDict) info;
+    g_variant_dict_init(&info, NULL);
+    insert_common(&info, pack, layout, triangulated != NULL);
+    if (!(pack->neural ? add_neural(file, pack->neural, &info, error)
+                       : add_levels(file, pack, n_grid, work, &info, error)) ||
         (pack->shell &&
          !webgl_file_add(file, "shell", pack->shell->values, shell_bytes(pack->shell), error)) ||
         (pack->shell && triangulated &&
          !add_views(file, pack->views, triangulated, pack->shell->depth_mm, error)))
         return NULL;
-    return webgl_file_bytes(file, webgl_pack_info(pack, &all, n, triangulated != NULL));
+    return webgl_file_bytes(file, g_variant_dict_end(&info));
 }

@@ -1,8 +1,8 @@
 /*
  * Makes the textures from which a WebGL page draws a material. They hold the same numbers as the
- * textures of mesorig-view's method lpca-revised (lpca_volumes.h,
- * renderer/drawing/methods/lpca_revised.h) and of the shell of an MDF (mdf_shell.h), so that the
- * page shows the same picture as the viewer. Any thread.
+ * textures of mesorig-view's methods lpca-revised (lpca_volumes.h,
+ * renderer/drawing/methods/lpca_revised.h) and neural (neural_drawing.h), and of the shell of an
+ * MDF (mdf_shell.h), so that the page shows the same picture as the viewer. Any thread.
  *
  * Sections. L is the number of mip levels; K, c and n are in the header of the file ("clusters" of
  * all levels, "components", "grid"):
@@ -11,6 +11,15 @@
  *   scales        K × c floats, by which the weights of a cluster are multiplied
  *   means         K blocks of (n² + 1) × n² × 3 halves
  *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
+ * Neural planes have other sections instead of these five. The header has "neural": "channels";
+ * "plane", the number of rows of the planes; "sky", columns and rows of the sky; "heights", minimum
+ * and step of heights in texels.
+ *   surface       channels / 4 layers of texels × 4 bytes
+ *   heights       2 height × 2 width bytes
+ *   planes        floats of neural_shader_planes()
+ *   sky           halves: neural_shader_sky()
+ *   network       text of neural_shader_network()
+ * Both have:
  *   shell         the values of mdf_shell.h: depth × height × width bytes; only if there is an MDF.
  *                 The header has the other members of mdf_shell.h in "shell".
  * The following sections have the measured views of the MDF. They are missing if there is no MDF,
@@ -25,6 +34,7 @@
 
 #include "base/work.h"
 #include "codecs/lpca/lpca.h"
+#include "codecs/neural/neural.h"
 #include "mdf/mdf_shell.h"
 #include "mdf/mdf_table.h"
 #include "webgl_file.h"
@@ -40,6 +50,8 @@ struct webgl_pack {
     int n_levels;
     const struct mdf_shell *shell; /* NULL if there is no MDF */
     const struct mdf_table *views; /* measured views of the MDF; NULL if there is no MDF */
+    /* NULL, or the neural planes that are packed instead of the levels, which are not read */
+    const struct neural *neural;
 };
 
 /* Returns the number of bytes of all sections before compression, with a grid of n_grid. */

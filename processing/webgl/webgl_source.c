@@ -74,12 +74,19 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     g_autoptr(GError) local = NULL;
     g_autoptr(ExrFile) headers = exr_read_headers(file, error);
     const struct exr_part *clusters = headers ? exr_file_part(headers, "clusters") : NULL;
+    const struct exr_part *surface = headers ? exr_file_part(headers, "surface1") : NULL;
     const char *kind = NULL, *colours = NULL;
     if (!headers)
         return FALSE;
     if (clusters) {
         exr_get_string(clusters, "mesorig.kind", &kind, NULL);
         exr_get_string(clusters, "mesorig.colours", &colours, NULL);
+    }
+    if (surface)
+        exr_get_string(surface, "mesorig.kind", &kind, NULL);
+    if (g_strcmp0(kind, "neural") == 0) {
+        source->neural = session_check_product(file, error) ? neural_read(file, error) : NULL;
+        return source->neural != NULL;
     }
     /* Logarithms cannot be interpolated in the same way as reflectances. */
     if (g_strcmp0(kind, "lpca") != 0 || g_strcmp0(colours, "log") == 0)
@@ -126,6 +133,7 @@ gboolean webgl_source_open(struct webgl_source *source, const char *path, const 
 void webgl_source_clear(struct webgl_source *source) {
     for (int k = 0; k < source->n_levels; k++)
         lpca_free(source->levels[k]);
+    neural_free(source->neural);
     mdf_shell_free(source->shell);
     mdf_table_free(source->views);
     *source = (struct webgl_source){0};

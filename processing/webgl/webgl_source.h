@@ -1,16 +1,18 @@
 /* Reads the source of an export for WebGL from a session or a compressed material: a local PCA in
- * R, G, B, and the views and the shell of the MDF. Other forms of a material are converted. Any
- * thread. */
+ * R, G, B, or neural planes; and the views and the shell of the MDF. Other forms of a material are
+ * converted to a local PCA. Any thread. */
 #pragma once
 
 #include "base/work.h"
 #include "codecs/lpca/lpca_levels.h"
+#include "codecs/neural/neural.h"
 #include "mdf/mdf_shell.h"
 #include "mdf/mdf_table.h"
 
 struct webgl_source {
     struct lpca *levels[LPCA_MAX_LEVELS];
-    int n_levels;
+    int n_levels;            /* 0 for neural planes */
+    struct neural *neural;   /* NULL for a local PCA */
     struct mdf_shell *shell; /* NULL if there is no MDF */
     struct mdf_table *views; /* the measured views of the MDF; NULL if there is no MDF */
     gboolean compressed;     /* whether the local PCA was computed for this export */

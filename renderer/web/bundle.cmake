@@ -1,11 +1,11 @@
 # Writes OUTPUT/shaders.js, the viewer's shaders of OpenGL 3.3 as texts for OpenGL ES 3.00, and
 # OUTPUT/page.html, the page with style, program and shaders in it; and the npm package in PACKAGE.
 # WEB and SHADERS are the folders of the sources.
-set(names mesh.vert screen.vert frame.glsl places.glsl levels.glsl lpca_texel.glsl lpca_revised.glsl
+set(names mesh.vert screen.vert frame.glsl places.glsl levels.glsl lpca_texel.glsl lpca_revised.glsl neural.glsl
     further.glsl lamps.glsl surface.frag shadow.glsl visible.glsl surface_relief.frag directions.glsl
     sight.glsl curved.glsl along.glsl meets.glsl relief.glsl shell.glsl peel_back.frag peel_front.frag shadow_map.frag background.frag tone.glsl resolve.frag)
 # The order is that of who imports whom.
-set(modules vectors.js material_file.js gpu.js local_pca.js shapes.js camera.js relief.js viewer.js page.js)
+set(modules vectors.js material_file.js gpu.js local_pca.js neural_planes.js shapes.js camera.js relief.js viewer.js page.js)
 
 # ES 3.00 differs in the first line and in default precisions, which gpu.js puts before each text. What
 # else it lacks is refused here rather than in a browser.

@@ -5,8 +5,6 @@ import { floatOfHalf } from "./material_file.js";
 // width and height of the faces of the cube maps of views and of lights
 const viewSize = 256, lightSize = 512;
 
-export const localPcaShaders = ["levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl"];
-
 // Returns (s, t) of a direction on the elevated concentric map of direction_grid.h. Directions
 // below the horizon are clamped to it.
 function square(x, y, z, ret) {
@@ -43,6 +41,15 @@ export class LocalPca {
       ret[1] = sixteen(((i + 1) * n + s) / depth);
       ret[2] = sixteen(t - i);
     });
+  }
+
+  get shaders() {
+    return ["levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl"];
+  }
+
+  // Whether the shaders need directions.glsl.
+  get directions() {
+    return false;
   }
 
   get constants() {

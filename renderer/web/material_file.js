@@ -10,6 +10,11 @@ const arrays = {
   scales: Float32Array,
   means: Uint16Array, // halves
   brdfs: Int8Array,
+  surface: Uint8Array,
+  heights: Uint8Array,
+  planes: Float32Array,
+  sky: Uint16Array, // halves
+  network: Uint8Array, // text
   shell: Uint8Array,
   depths: Uint8Array,
   directions: Float32Array,
@@ -29,6 +34,16 @@ function checkShell({ shell, data }) {
   if (!data.shell || data.shell.length !== size || !lengths.every(x => Number.isFinite(x) && x >= 0) ||
       shell.width_mm === 0 || shell.height_mm === 0)
     throw new Error("The material is damaged: its shell does not have the size that the header gives; export the material again.");
+}
+
+// Checks the neural planes against the header, before textures of this size are made.
+function checkNeural({ levels, neural, data }) {
+  const [[w, h]] = levels, [columns, rows] = neural.sky, { surface, heights, planes, sky, network } = data;
+  if (![w, h, columns, rows, neural.channels, neural.plane].every(n => Number.isInteger(n) && n > 0) || !network ||
+      !surface || surface.length !== w * h * neural.channels || !heights || heights.length !== 4 * w * h ||
+      !planes || planes.length !== 16 * neural.plane ** 2 || !sky || sky.length % (3 * columns * rows) !== 0 ||
+      !neural.heights.every(x => Number.isFinite(x)))
+    throw new Error("The material is damaged: its neural planes do not have the size that the header gives; export the material again.");
 }
 
 // Checks the views of the MDF against the header, before textures of this size are made.
@@ -69,6 +84,7 @@ export async function readMaterial(bytes, progress = () => {}) {
     at += section.bytes;
     progress((at - headAt - length) / whole);
   }
+  if (material.neural) checkNeural(material);
   if (material.shell) checkShell(material);
   if (material.along) checkViews(material);
   return material;

@@ -2,7 +2,8 @@
 // is lit by one light that is infinitely far away, and by an even sky.
 import { CubeTexture, Data3DTexture, DataArrayTexture, GLSL3, Matrix4, RawShaderMaterial, Texture, Vector2, Vector3 } from "three";
 import { Gpu, shaderText } from "./gpu.js";
-import { LocalPca, localPcaShaders } from "./local_pca.js";
+import { LocalPca } from "./local_pca.js";
+import { NeuralPlanes } from "./neural_planes.js";
 import { Relief } from "./relief.js";
 import { Mesh, shapeAttributes, shapeStride, vertexShapes } from "./shapes.js";
 
@@ -75,22 +76,23 @@ export class MesorigMaterial extends RawShaderMaterial {
     this.shared = new Map();
     this.meshes = new WeakMap();
     this.gpu = new Gpu(renderer.getContext());
-    this.pca = new LocalPca(this.gpu, material);
+    this.model = material.neural ? new NeuralPlanes(this.gpu, material) : new LocalPca(this.gpu, material);
     this.relief = new Relief(this.gpu, material);
     renderer.resetState();
     this.along = Boolean(this.settings.alongSurface && material.along);
     const constants = `#define CURVED 1\n#define ALONG ${this.along ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
       "#define AMBIENT 1\n" +
-      `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
+      `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.model.constants;
     this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
     this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,
-      ["frame.glsl", "places.glsl", ...(this.along ? ["directions.glsl"] : []), ...localPcaShaders, "shadow.glsl",
-        "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", ...(this.along ? ["along.glsl"] : []),
+      ["frame.glsl", "places.glsl", ...(this.along || this.model.directions ? ["directions.glsl"] : []),
+        ...this.model.shaders, "shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", ...(this.along ? ["along.glsl"] : []),
         "surface_relief.frag", "tone.glsl"])) + ending;
     this.put({ clusters: Texture, weights: DataArrayTexture, means: Data3DTexture, brdfs: Data3DTexture,
-      view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture,
+      view_map: CubeTexture, light_map: CubeTexture,
+      surface: DataArrayTexture, heights: Texture, planes: DataArrayTexture, skies: DataArrayTexture, seen: Texture, shadow_map: Texture,
       along_indices: Texture, along_weights: Texture, along_views: Texture, along_depths: DataArrayTexture },
-    { ...this.pca.uniforms, n_lamps: 0 });
+    { ...this.model.uniforms, n_lamps: 0 });
   }
 
   // Sets uniforms. Textures of WebGL are wrapped in the texture classes of three.js. kinds has the
@@ -151,7 +153,7 @@ export class MesorigMaterial extends RawShaderMaterial {
   }
 
   dispose() {
-    this.pca.free();
+    this.model.free();
     this.relief.free();
     super.dispose();
   }

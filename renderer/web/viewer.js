@@ -1,7 +1,8 @@
 // Draws a material on a shape as mesorig-view does (renderer/scene/viewer.c).
 import { cameraMatrix, fitCamera } from "./camera.js";
 import { Gpu } from "./gpu.js";
-import { LocalPca, localPcaShaders } from "./local_pca.js";
+import { LocalPca } from "./local_pca.js";
+import { NeuralPlanes } from "./neural_planes.js";
 import { Relief } from "./relief.js";
 import { Mesh } from "./shapes.js";
 import { directionFromDeg } from "./vectors.js";
@@ -55,7 +56,7 @@ export class Viewer {
     this.gl = gl;
     this.gpu = new Gpu(gl);
     this.material = material;
-    this.pca = new LocalPca(this.gpu, material);
+    this.model = material.neural ? new NeuralPlanes(this.gpu, material) : new LocalPca(this.gpu, material);
     this.relief = new Relief(this.gpu, material);
   }
 
@@ -89,8 +90,9 @@ export class Viewer {
       : ["further.glsl", "lamps.glsl", "surface.frag"];
     const constants = `#define CURVED ${relieved ? 1 : 0}\n#define ALONG ${along ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
       `#define AMBIENT ${s.ambient > 0 ? 1 : 0}\n`;
-    const program = gpu.program(constants + this.pca.constants,
-      ["mesh.vert", "frame.glsl", "places.glsl", ...(along ? ["directions.glsl"] : []), ...localPcaShaders, ...names]);
+    const program = gpu.program(constants + this.model.constants,
+      ["mesh.vert", "frame.glsl", "places.glsl", ...(along || this.model.directions ? ["directions.glsl"] : []),
+        ...this.model.shaders, ...names]);
     this.scene = gpu.target(this.scene, gl.RGBA16F, gl.DEPTH_COMPONENT24, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.scene.framebuffer);
     gl.viewport(0, 0, width, height);
@@ -102,7 +104,7 @@ export class Viewer {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const values = { ...relief.uniforms, projection, tiles, eye, light, lamp: s.lightBrightness };
-    gpu.use(program, { ...values, ...this.pca.uniforms, ambient_light: s.ambient, n_lamps: 0 });
+    gpu.use(program, { ...values, ...this.model.uniforms, ambient_light: s.ambient, n_lamps: 0 });
     mesh.draw();
     const ground = gpu.program("#define LAMP_SHADOWS 0\n",
       ["screen.vert", "shadow.glsl", "further.glsl", "background.frag"]);

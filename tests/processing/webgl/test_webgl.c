@@ -3,9 +3,11 @@
 #include "codecs/lpca/lpca_levels.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/lpca_revised.h"
+#include "drawing/methods/neural_view.h"
 #include "exr/exr_half.h"
 #include "formats/compare_pictures.h"
 #include "lib/browser.h"
+#include "lib/neural_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/relief_scene.h"
@@ -77,11 +79,10 @@ static void webgl_test_draw_page(Browser *browser, const struct view *v, gboolea
     webgl_test_save(browser, expression);
 }
 
-/* The viewer with the material's file and the MDF's, as mesorig-view --method lpca-revised has it.
- */
-static Viewer *webgl_test_viewer(void) {
+/* The viewer with the material's file and the MDF's, as mesorig-view --method has it. */
+static Viewer *webgl_test_viewer(const struct method *method) {
     Viewer *viewer = ok(viewer_new(NULL, ERR));
-    ok(viewer_open(viewer, &method_lpca_revised, in_folder("material.exr"), ERR));
+    ok(viewer_open(viewer, method, in_folder("material.exr"), ERR));
     ok(viewer_open_mdf(viewer, in_folder("mdf.exr"), ERR));
     return viewer;
 }
@@ -157,7 +158,7 @@ static void test_pictures(gconstpointer data) {
         g_error("the page shows: %s", said);
     g_autoptr(Gpu) gpu = gpu_new_headless(NULL);
     if (gpu) {
-        g_autoptr(Viewer) viewer = webgl_test_viewer();
+        g_autoptr(Viewer) viewer = webgl_test_viewer(&method_lpca_revised);
         webgl_test_compare(browser, viewer, kind);
         compare_along(browser, viewer, kind);
     } else {
@@ -175,6 +176,43 @@ static void test_pictures(gconstpointer data) {
         "String([...before, box.checked, mesorig.settings().alongSurface]); })()");
     g_assert_cmpstr(along, ==, "false,false,false,true,true");
     browser_free(browser);
+}
+
+/* Exports neural planes and opens their page. */
+static Browser *open_neural(void) {
+    g_autofree char *material = g_strdup(in_folder("material.exr"));
+    g_autofree char *output = g_strdup(in_folder("neural.html"));
+    g_autofree char *address = g_strconcat("file://", output, NULL);
+    struct neural *neural = neural_fixture_new(32, 32, 8, 0.8, 3);
+    relief_scene_write(RELIEF_BUMPS, material, in_folder("mdf.exr"));
+    ok(neural_write(material, &neural, 1, ERR));
+    neural_free(neural);
+    g_unlink(output);
+    g_autofree char *told = process_mesorig(0, "export web %s -o %s --json", material, output);
+    assert_has(told, "\"channels\": 8");
+    Browser *browser = browser_new(640, 480);
+    browser_open(browser, address);
+    browser_wait(browser, "window.mesorig !== undefined || document.querySelector('[role=alert]')");
+    g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
+    g_autofree char *ready = browser_value(browser, "typeof window.mesorig");
+    if (strcmp(ready, "object") != 0)
+        g_error("the page shows: %s", said);
+    return browser;
+}
+
+/* Neural planes with relief in a page and in the viewer. A page without their light, rays or
+ * network would be far off, because all numbers are random. */
+TEST(neural) {
+    g_autoptr(Gpu) gpu = gpu_new_headless(NULL);
+    if (!gpu) {
+        test_skip_or_fail("there is no OpenGL 3.3 here");
+        return;
+    }
+    Browser *browser = open_neural();
+    g_autoptr(Viewer) viewer = webgl_test_viewer(&method_neural);
+    webgl_test_compare(browser, viewer, RELIEF_BUMPS);
+    browser_free(browser);
+    g_assert_cmpint(g_unlink(in_folder("mdf.exr")), ==, 0); /* other tests have none */
 }
 
 /* What does not compress: a local PCA of random numbers, of the size that the page is promised for.
