@@ -34,6 +34,10 @@ void web_rig_free(WebRig *given) {
 void web_rig_listen(WebRig *given, WebRigNews func, gpointer data) {
 }
 
+const char *web_rig_session(const WebRig *given) {
+    return "";
+}
+
 char *web_rig_state(const WebRig *given) {
     return g_strdup("{}");
 }
