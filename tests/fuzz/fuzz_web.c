@@ -35,7 +35,7 @@ void web_rig_listen(WebRig *given, WebRigNews func, gpointer data) {
 }
 
 const char *web_rig_session(const WebRig *given) {
-    return "";
+    return NULL;
 }
 
 char *web_rig_state(const WebRig *given) {
