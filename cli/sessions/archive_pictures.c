@@ -184,7 +184,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
         for (int i = 0; path && i < n_shown; i++)
             again = again || shown_pairs[i] == ((gint64)view->index << 32 | light->index);
         if (!path || again || !g_file_test(path, G_FILE_TEST_EXISTS) ||
-            !btf_read_view(path, &light->index, 1, &archive->grid, rgb, NULL))
+            !btf_read_view(path, &light->index, 1, &archive->grid, 0, rgb, NULL))
             continue;
         shown_pairs[n_shown++] = (gint64)view->index << 32 | light->index;
         top = top > 0 ? top : quantile(rgb, n, BRIGHT);

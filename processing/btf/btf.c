@@ -86,7 +86,8 @@ static gboolean copy_picture(const struct exr_part *part, const struct session_g
 }
 
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
-                       const struct session_grid *grid, float *ret_rgb, GError **error) {
+                       const struct session_grid *grid, int n_threads, float *ret_rgb,
+                       GError **error) {
     const gsize picture = 3 * (gsize)grid->width * (gsize)grid->height;
     g_autoptr(GHashTable) wanted = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     g_autoptr(ExrReader) reader = exr_reader_new(path, error);
@@ -102,7 +103,7 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
             exr_reader_skip(reader);
             continue;
         }
-        g_autoptr(ExrFile) file = exr_reader_next(reader, n, 0, error);
+        g_autoptr(ExrFile) file = exr_reader_next(reader, n, n_threads, error);
         for (int i = 0; i < n; i++) {
             const struct exr_part *part = file ? g_ptr_array_index(file->parts, (guint)i) : NULL;
             gpointer at = part ? g_hash_table_lookup(wanted, part->name) : NULL;

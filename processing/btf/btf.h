@@ -101,10 +101,12 @@ void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
 /* Reads from a view's file the pictures of the lights with the indices in lights. ret_rgb: n_lights
- * × height × width × 3 (R, G, B). Fails if the file cannot be read, if a light has no part, or if a
- * part lacks a colour or differs from the grid in size. */
+ * × height × width × 3 (R, G, B). n_threads threads decode the pictures; 0 means one per processor.
+ * Fails if the file cannot be read, if a light has no part, or if a part lacks a colour or differs
+ * from the grid in size. */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
-                       const struct session_grid *grid, float *ret_rgb, GError **error);
+                       const struct session_grid *grid, int n_threads, float *ret_rgb,
+                       GError **error);
 
 /* Reads the attributes OF.theta_deg and OF.phi_deg, where OF is the text `of`: "view" or "light".
  * Returns FALSE if an attribute is missing or not finite; its result is then not finite. */

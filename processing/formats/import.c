@@ -311,7 +311,7 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     return work_tell(import->work, "eigenmaps", MIN(import->asked, n_views), n_views,
                      import->begun_us, error) &&
            btf_read_view(path, import->lights, import->material->n_lights, &import->grid,
-                         ret_column, error);
+                         import->work->n_threads, ret_column, error);
 }
 
 /* Gives the pictures of n lights of a view. */
@@ -321,7 +321,8 @@ static gboolean give_lights(int view, gsize first, gsize n, float *ret, gpointer
     g_autofree char *relative = view_relative(view);
     g_autofree char *path = session_file(import->session, relative);
     return !g_cancellable_set_error_if_cancelled(import->work->cancellable, error) &&
-           btf_read_view(path, import->lights + first, (int)n, &import->grid, ret, error);
+           btf_read_view(path, import->lights + first, (int)n, &import->grid,
+                         import->work->n_threads, ret, error);
 }
 
 static struct eigenmaps *new_eigenmaps(const struct import *import) {

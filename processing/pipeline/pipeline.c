@@ -385,8 +385,9 @@ static gboolean get_column(int view, float *ret_column, gpointer data, GError **
     columns->asked++;
     report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
            course_left_s(run->course));
-    const gboolean ok = btf_read_view(path, columns->lights, columns->n_lights,
-                                      &run->catalogue->grid, ret_column, error);
+    const gboolean ok =
+        btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
+                      run->options->work.n_threads, ret_column, error);
     if (columns->asked == columns->to_ask) {
         course_end(run->course, TIME_LEFT_COLUMNS, ok);
         course_begin(run->course, TIME_LEFT_FACTORS);

@@ -105,7 +105,7 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
         g_new(float, (gsize)chart->grid.width *(gsize)chart->grid.height * 3 * chart->near->len);
     return session_check_products(session, name, NULL, error) &&
            btf_read_view(path, (const int *)(void *)chart->near->data, (int)chart->near->len,
-                         &chart->grid, chart->rgb, error);
+                         &chart->grid, 0, chart->rgb, error);
 }
 
 /* Sets ret->rgb to the reflectance of a patch: the sum of the values over the sum of cos θ_l (the

@@ -53,7 +53,7 @@ static double grey_measure(Session *session, int grey, const struct session_grid
     for (guint v = 0; v < views->len; v++) {
         g_autofree char *name = g_strdup_printf("products/btf/view_%04u.exr", v);
         g_autofree char *path = session_file(session, name);
-        g_assert_true(btf_read_view(path, all, (int)lights->len, grid, rgb, NULL));
+        g_assert_true(btf_read_view(path, all, (int)lights->len, grid, 0, rgb, NULL));
         for (guint l = 0; l < lights->len; l++) {
             const struct session_direction *light = lights->pdata[l];
             struct vec3 lamp = vec3_scale(

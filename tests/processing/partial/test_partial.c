@@ -83,7 +83,7 @@ static void compare_with_btf(const Partial *partial, const char *path) {
         int lights[LIGHTS];
         for (int l = 0; l < LIGHTS; l++)
             lights[l] = l;
-        ok(btf_read_view(file, lights, LIGHTS, partial_grid(partial), truth, ERR));
+        ok(btf_read_view(file, lights, LIGHTS, partial_grid(partial), 0, truth, ERR));
         for (int l = 0; l < LIGHTS; l++) {
             float values[VALUES];
             unpack(partial_picture(partial, v * LIGHTS + l), values);
