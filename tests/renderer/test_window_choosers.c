@@ -196,7 +196,7 @@ static gboolean start(struct user *u, const char *const *options) {
 /* Methods, shapes, two halves of the picture and their difference. */
 TEST(choosers) {
     struct user u;
-    if (!start(&u, (const char *[]){WINDOW, "--size", "400x460", NULL}))
+    if (!start(&u, (const char *[]){WINDOW, "--size", "400x500", NULL}))
         return;
     choose(&u, 5, 2, 2);
     check(&u, "Shape", "sphere");
@@ -211,7 +211,7 @@ TEST(choosers) {
     wait_for(&u, "Source", "reflectance fields, and how much brighter is eigen-maps");
     check(&u, "Compare", "difference times 4");
     /* What is not there: said, and nothing else changes. */
-    const struct box bottom = {305, 380, 400, 460};
+    const struct box bottom = {305, 420, 400, 500};
     struct seen without = see(&u);
     choose(&u, 6, 0, 4);
     g_assert_true(wait_for_change(&u, &without, &bottom, 300, DEADLINE_S));
@@ -273,7 +273,7 @@ TEST(while_opening) {
     wait_for(&u, "Source", "eigen-maps, and on the right " METAL);
     const int fd = take(map);
     if (fd >= 0) {
-        choose(&u, 7, 0, 12);
+        choose(&u, 7, 0, 13);
         UNTIL (is_waited_for(fd))
             g_usleep(20000);
         choose(&u, 7, 4, 2);
