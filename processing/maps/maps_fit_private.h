@@ -3,6 +3,8 @@
  * priors of the refinement (maps_prior.c). */
 #pragma once
 
+#include <math.h>
+
 #include "maps_fit.h"
 
 #define MAPS_COLUMNS 3 /* the columns of the linear solution: d, S, e */
@@ -162,3 +164,33 @@ void maps_clusters_set_metals(const struct maps_clusters *clusters, int n,
 struct maps_refine_prior maps_clusters_prior(const struct maps_clusters *clusters,
                                              const struct maps_parameters *texels, int width,
                                              int height, int texel);
+
+/* Solves A x = b for n unknowns by Cholesky's method. a holds the rows of A, the beginning of each
+ * `stride` values after that of the row before. b becomes x, and A is overwritten. Returns FALSE if
+ * A is not positive definite. Inline, because a loop over a constant n is faster. */
+static inline gboolean maps_cholesky(int n, int stride, double *a, double *b) {
+    for (int j = 0; j < n; j++) {
+        double *diagonal = &a[j * stride + j];
+        for (int k = 0; k < j; k++)
+            *diagonal -= a[j * stride + k] * a[j * stride + k];
+        if (!(*diagonal > 0))
+            return FALSE;
+        *diagonal = sqrt(*diagonal);
+        for (int i = j + 1; i < n; i++) {
+            for (int k = 0; k < j; k++)
+                a[i * stride + j] -= a[i * stride + k] * a[j * stride + k];
+            a[i * stride + j] /= *diagonal;
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= a[i * stride + k] * b[k];
+        b[i] /= a[i * stride + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= a[k * stride + i] * b[k];
+        b[i] /= a[i * stride + i];
+    }
+    return TRUE;
+}

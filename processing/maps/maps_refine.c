@@ -321,29 +321,10 @@ static gboolean solve(const double normal[SIZE][SIZE], const double right[SIZE],
             a[j][k] = normal[index[j]][index[k]];
         a[j][j] = a[j][j] * (1 + damping) + 1e-9;
     }
-    for (int j = 0; j < n; j++) {
-        for (int k = 0; k < j; k++)
-            a[j][j] -= a[j][k] * a[j][k];
-        if (!(a[j][j] > 0))
-            return FALSE;
-        a[j][j] = sqrt(a[j][j]);
-        for (int i = j + 1; i < n; i++) {
-            for (int k = 0; k < j; k++)
-                a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] /= a[j][j];
-        }
-    }
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
+    if (!maps_cholesky(n, SIZE, &a[0][0], b))
+        return FALSE;
+    for (int i = 0; i < n; i++)
         ret[index[i]] = b[i];
-    }
     return TRUE;
 }
 

@@ -162,34 +162,6 @@ static double maps_solver_cost(struct maps_solver *solver, const float shape[MAP
     return cost;
 }
 
-/* Solves A x = b by Cholesky's method. b becomes x, and A is overwritten. Returns FALSE if A is not
- * positive definite. */
-static gboolean cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
-    for (int j = 0; j < MAPS_SHAPE; j++) {
-        for (int k = 0; k < j; k++)
-            a[j][j] -= a[j][k] * a[j][k];
-        if (!(a[j][j] > 0))
-            return FALSE;
-        a[j][j] = sqrt(a[j][j]);
-        for (int i = j + 1; i < MAPS_SHAPE; i++) {
-            for (int k = 0; k < j; k++)
-                a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] /= a[j][j];
-        }
-    }
-    for (int i = 0; i < MAPS_SHAPE; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = MAPS_SHAPE - 1; i >= 0; i--) {
-        for (int k = i + 1; k < MAPS_SHAPE; k++)
-            b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
-    return TRUE;
-}
-
 /* Returns the number of a shape's values that are fitted. The core model's lobe is isotropic, and
  * its w is 1. */
 static int free_values(const struct maps_solver *solver) {
@@ -261,7 +233,7 @@ static double descend(struct maps_solver *solver, double cost, struct maps_solut
             memcpy(x, right, sizeof x);
             for (int k = 0; k < MAPS_SHAPE; k++)
                 a[k][k] *= 1 + damping;
-            if (!cholesky(a, x))
+            if (!maps_cholesky(MAPS_SHAPE, MAPS_SHAPE, &a[0][0], x))
                 return cost;
             for (int k = 0; k < MAPS_SHAPE; k++)
                 moved.shape[k] += (float)x[k];
