@@ -17,7 +17,7 @@ void eigenmaps_free(struct eigenmaps *maps) {
     btf_layout_clear(&maps->layout);
     g_free(maps->weights);
     g_free(maps->maps);
-    eigenmaps_file_free(maps->file);
+    scratch_file_free(maps->file);
     g_free(maps);
 }
 
@@ -37,8 +37,8 @@ static const float *read_values(const struct eigenmaps *maps, int term, gsize li
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     if (!maps->file)
         return map(maps, term, light);
-    return eigenmaps_file_read(maps->file, n * ((gsize)term * maps->layout.lights.n + light), n,
-                               buffer, error)
+    const gsize at = n * ((gsize)term * maps->layout.lights.n + light);
+    return scratch_file_read(maps->file, at * sizeof *buffer, buffer, n * sizeof *buffer, error)
                ? buffer
                : NULL;
 }

@@ -9,6 +9,7 @@
  * (double) and reference_mm (double). */
 #pragma once
 
+#include "base/scratch_file.h"
 #include "btf/btf_layout.h"
 #include "exr/exr.h"
 
@@ -20,7 +21,7 @@ struct eigenmaps {
     /* E_i(x, y, l): n_terms × n_lights × height × width × 3 (R, G, B). NULL if the maps are in
      * `file`; only eigenmaps_write() and eigenmaps_rounded_error() accept such maps. */
     float *maps;
-    struct eigenmaps_file *file;
+    ScratchFile *file;
 };
 
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */

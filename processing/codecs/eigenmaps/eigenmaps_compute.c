@@ -132,7 +132,7 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
                             (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n));
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
-    g_clear_pointer(&maps->file, eigenmaps_file_free);
+    g_clear_pointer(&maps->file, scratch_file_free);
     /* BLAS uses one thread, because with more the last bits of the sums would depend on the number
      * of threads. */
     int threads = openblas_get_num_threads();

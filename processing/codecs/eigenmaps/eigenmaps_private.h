@@ -51,12 +51,3 @@ gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GErro
 /* The two methods of eigenmaps.h. */
 gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error);
 gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error);
-
-/* An unnamed file of n floats in a folder, or in the directory of temporary files if the folder is
- * not writable. Positions count floats. */
-struct eigenmaps_file *eigenmaps_file_new(const char *folder, gsize n, GError **error);
-void eigenmaps_file_free(struct eigenmaps_file *file); /* NULL is ignored */
-gboolean eigenmaps_file_read(const struct eigenmaps_file *file, gsize at, gsize n, float *ret,
-                             GError **error);
-gboolean eigenmaps_file_write(struct eigenmaps_file *file, gsize at, gsize n, const float *values,
-                              GError **error);

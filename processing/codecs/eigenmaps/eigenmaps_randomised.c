@@ -38,7 +38,7 @@ struct eigenmaps_randomised {
     /* found: eigenvalues of ZᵀZ, descending. Each is the part of ‖A‖² along one of the best
      * directions */
     double *squares_of;
-    struct eigenmaps_file *file; /* Z, found × job->rows, if it is in a file; otherwise NULL */
+    ScratchFile *file; /* Z, found × job->rows, if it is in a file; otherwise NULL */
 };
 
 /* Returns 64 random bits for a counter (SplitMix64, Steele, Lea and Flood 2014). */
@@ -245,8 +245,9 @@ static gboolean project_block(struct eigenmaps_randomised *r, gsize first, gsize
         for (gsize light = 0; light < (by_lights ? 1 : lights); light++) {
             const gsize at = by_lights ? first * texels * 3 : (light * texels + first) * 3;
             const gsize some = by_lights ? r->rows : n * 3;
-            if (!eigenmaps_file_write(r->file, (gsize)j * job->rows + at, some,
-                                      r->z + (gsize)j * r->rows + light * some, error))
+            if (!scratch_file_write(r->file, ((gsize)j * job->rows + at) * sizeof *r->z,
+                                    r->z + (gsize)j * r->rows + light * some, some * sizeof *r->z,
+                                    error))
                 return FALSE;
         }
     return TRUE;
@@ -264,8 +265,9 @@ static gboolean project_to_file(struct eigenmaps_randomised *r, GError **error) 
     r->slots = MIN(IN_BLOCK, r->n_views);
     const gsize each = sizeof(float) * unit * (gsize)(r->slots + r->found);
     const gsize block = CLAMP(memory / each, 1, n);
-    g_clear_pointer(&r->file, eigenmaps_file_free);
-    r->file = eigenmaps_file_new(options->folder, job->rows * (gsize)r->found, error);
+    g_clear_pointer(&r->file, scratch_file_free);
+    r->file = scratch_file_new(options->folder, sizeof *r->z * job->rows * (gsize)r->found,
+                               "the eigen-maps", error);
     g_free(r->columns);
     g_free(r->z);
     g_free(r->factors);
@@ -305,11 +307,13 @@ static gboolean rotate_file(struct eigenmaps_randomised *r, GError **error) {
     for (gsize from = 0; from < all; from += r->rows) {
         r->rows = MIN(CHUNK * IN_BLOCK, all - from);
         for (gsize i = 0; i < (gsize)r->found; i++)
-            if (!eigenmaps_file_read(r->file, i * all + from, r->rows, r->z + i * r->rows, error))
+            if (!scratch_file_read(r->file, (i * all + from) * sizeof *r->z, r->z + i * r->rows,
+                                   r->rows * sizeof *r->z, error))
                 return FALSE;
         work_for_each(0, SEGMENTS, rotate_segment, r);
         for (gsize i = 0; i < terms; i++)
-            if (!eigenmaps_file_write(r->file, i * all + from, r->rows, r->z + i * r->rows, error))
+            if (!scratch_file_write(r->file, (i * all + from) * sizeof *r->z, r->z + i * r->rows,
+                                    r->rows * sizeof *r->z, error))
                 return FALSE;
     }
     r->job->maps->file = g_steal_pointer(&r->file);
@@ -385,6 +389,6 @@ gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error
     g_free(r.factors);
     g_free(r.gram);
     g_free(r.squares_of);
-    eigenmaps_file_free(r.file);
+    scratch_file_free(r.file);
     return ok;
 }
