@@ -1,6 +1,7 @@
 #include "material_private.h"
 
 #include "base/new_file.h"
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "exr/exr.h"
 #include "session/session.h"
 
@@ -114,7 +115,8 @@ static mesorig_material *new_from(const char *path, const char *mdf, GError **er
     mesorig_material *m = g_new0(mesorig_material, 1);
     pthread_mutex_init(&m->sampling_lock, NULL);
     if (material_read(m, path, error) &&
-        (!mdf || (m->relief = material_relief_read(mdf, error)) != NULL))
+        (!mdf || (mdf_source_fits(mdf, path, error) &&
+                  (m->relief = material_relief_read(mdf, error)) != NULL)))
         return m;
     mesorig_material_close(m);
     return NULL;

@@ -127,7 +127,8 @@ gboolean webgl_source_open(struct webgl_source *source, const char *path, const 
                             : convert(source, path, work, error);
     if (!ok || (!mdf && !g_file_test(beside, G_FILE_TEST_EXISTS)))
         return ok;
-    return read_mdf(source, mdf ? mdf : beside, error);
+    return mdf_source_fits(mdf ? mdf : beside, path, error) &&
+           read_mdf(source, mdf ? mdf : beside, error);
 }
 
 void webgl_source_clear(struct webgl_source *source) {

@@ -3,6 +3,7 @@
 #include "base/json.h"
 #include "base/output_file.h"
 #include "base/program.h"
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "drawing/gl/gpu.h"
 #include "live.h"
 #include "notice.h"
@@ -337,9 +338,10 @@ static int viewer_main_run(struct viewer_options *o) {
     gboolean good = TRUE;
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
-    good = viewer_main_check_outputs(o, &error);
     /* The MDF of a material is in the same folder. */
     o->mdf_path = o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
+    good = viewer_main_check_outputs(o, &error) &&
+           (o->mdf == NULL || mdf_source_fits(o->mdf, material, &error));
     o->index_path = viewer_options_index(o);
     if (good && o->render != NULL && o->environment != NULL)
         good = (studio.environment = environment_open(o->environment, &error)) != NULL &&

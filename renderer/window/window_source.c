@@ -174,7 +174,8 @@ static gboolean take_second(struct window *w, struct opened *o, GError **error) 
 }
 
 static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
-    if (!viewer_set_mdf(w->viewer, o->mdf, error) ||
+    if ((w->material != NULL && !mdf_source_fits(o->path, w->material, error)) ||
+        !viewer_set_mdf(w->viewer, o->mdf, error) ||
         (w->second != NULL && !viewer_set_mdf(w->second, o->mdf, error)))
         return FALSE;
     mdf_source_free(w->mdf);

@@ -1,7 +1,13 @@
 #include "mdf_source.h"
 
+#include "btf/btf_matrix.h"
 #include "exr/exr.h"
+#include "mdf/mdf_table.h"
 #include "session/session.h"
+
+#include <math.h>
+
+#define SIZE_TOLERANCE 0.01 /* relative */
 
 struct mdf_source *mdf_source_read(const char *path, GError **error) {
     if (!session_check_product(path, error))
@@ -28,6 +34,54 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
     if (table == NULL && source->factors == NULL)
         g_clear_pointer(&source, mdf_source_free);
     return source;
+}
+
+/* Gives the size of the tile of a compressed material or of an MDF. The part with texel_mm has a
+ * pixel for each texel, with two exceptions. MDF blocks have the number of texels in attributes,
+ * and eigen-maps have texels in other parts. */
+static gboolean file_size(const char *path, double ret_mm[2]) {
+    g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
+    const struct exr_part *map = file ? exr_file_part(file, "E000_light_0000") : NULL;
+    for (guint i = 0; file && i < file->parts->len; i++) {
+        const struct exr_part *part = file->parts->pdata[i];
+        double texel_mm;
+        int width = (map ? map : part)->width, height = (map ? map : part)->height;
+        if (!exr_get_double(part, "texel_mm", &texel_mm, NULL))
+            continue;
+        exr_get_int(part, "mesorig.width", &width, NULL);
+        exr_get_int(part, "mesorig.height", &height, NULL);
+        ret_mm[0] = width * texel_mm;
+        ret_mm[1] = height * texel_mm;
+        return TRUE;
+    }
+    return FALSE;
+}
+
+static gboolean folder_size(const char *path, double ret_mm[2]) {
+    g_autofree char *directory = btf_matrix_session(path);
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, NULL);
+    struct session_grid grid;
+    if (!session || !session_grid(session, &grid, NULL))
+        return FALSE;
+    ret_mm[0] = grid.width_mm;
+    ret_mm[1] = grid.height_mm;
+    return TRUE;
+}
+
+gboolean mdf_source_fits(const char *mdf, const char *material, GError **error) {
+    double is[2], needed[2];
+    if (!file_size(mdf, is) ||
+        !(g_file_test(material, G_FILE_TEST_IS_DIR) ? folder_size(material, needed)
+                                                    : file_size(material, needed)))
+        return TRUE;
+    if (fabs(is[0] / needed[0] - 1) <= SIZE_TOLERANCE &&
+        fabs(is[1] / needed[1] - 1) <= SIZE_TOLERANCE)
+        return TRUE;
+    g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
+                "%s: the distances (MDF) are those of a sample of %.4g × %.4g mm, but the material "
+                "%s has %.4g × %.4g mm; give the MDF of the same session",
+                mdf, is[0], is[1], material, needed[0], needed[1]);
+    return FALSE;
 }
 
 void mdf_source_free(struct mdf_source *source) {

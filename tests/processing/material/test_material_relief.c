@@ -6,6 +6,7 @@
 #include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/plate.h"
+#include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 
@@ -114,10 +115,11 @@ TEST(waves) {
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
     g_autofree char *blocks_path = g_build_filename(folder, "blocks.exr", NULL);
     g_autofree char *factors_path = g_build_filename(folder, "factors.exr", NULL);
-    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    g_autoptr(BtfMatrix) btf = material_fixture_sized(6, 6, 2, TRUE);
     g_autoptr(GError) why = NULL;
     struct mesorig_error error = {0};
     struct mesorig_material_info info = {.size = sizeof info};
+    btf->layout.texel_mm = TILE_MM / 6;
     material_fixture_write(path, codecs_find("ward"), btf, "");
     write_mdf(mdf);
     mesorig_material *m = mesorig_material_open(path, mdf, &error);
@@ -157,11 +159,44 @@ TEST(waves) {
     mesorig_material_close(m);
 }
 
+/* The distances of another sample, in each form, are refused. */
+TEST(other_sample) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "material.exr", NULL);
+    g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
+    g_autofree char *blocks_path = g_build_filename(folder, "blocks.exr", NULL);
+    g_autofree char *factors_path = g_build_filename(folder, "factors.exr", NULL);
+    g_autofree char *session = g_build_filename(folder, "a.session", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE); /* 3 mm × 2.5 mm */
+    g_autoptr(GError) why = NULL;
+    material_fixture_write(path, codecs_find("ward"), btf, "");
+    material_fixture_write_session(session, btf);
+    write_mdf(mdf);
+    g_autoptr(MdfTable) table = mdf_table_read(mdf, &why);
+    g_autoptr(MdfBlocks) blocks = mdf_blocks_new(table);
+    g_assert_true(mdf_blocks_write(blocks_path, blocks, &why));
+    g_autoptr(MdfFactors) factors = mdf_factors_compute(table, table->n_views, 12, 0, NULL, &why);
+    g_assert_true(mdf_factors_write(factors_path, factors, &why));
+    g_assert_no_error(why);
+    const char *const materials[] = {path, session}, *const forms[] = {mdf, blocks_path,
+                                                                       factors_path};
+    for (gsize i = 0; i < G_N_ELEMENTS(materials); i++)
+        for (gsize k = 0; k < G_N_ELEMENTS(forms); k++) {
+            struct mesorig_error error = {0};
+            g_assert_null(mesorig_material_open(materials[i], forms[k], &error));
+            g_assert_cmpint(error.status, ==, MESORIG_ERROR_FORMAT);
+            assert_has(error.text, forms[k]);
+            assert_has(error.text, "a sample of 16 × 16 mm");
+            assert_has(error.text, "has 3 × 2.5 mm; give the MDF of the same session");
+        }
+}
+
 static mesorig_material *plate_material(const char *folder) {
     g_autofree char *path = g_build_filename(folder, "plate.exr", NULL);
     g_autofree char *mdf = g_build_filename(folder, "plate_mdf.exr", NULL);
-    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    g_autoptr(BtfMatrix) btf = material_fixture_sized(8, 2, 2, TRUE);
     struct mesorig_error error = {0};
+    btf->layout.texel_mm = PLATE_TILE / 8;
     material_fixture_write(path, codecs_find("ward"), btf, "");
     plate_write(mdf, PLATE_RINGS);
     mesorig_material *m = mesorig_material_open(path, mdf, &error);

@@ -14,7 +14,7 @@ static void write_mdf(const char *path, const struct btf_matrix *btf) {
     for (gsize v = 0; v < btf->layout.views.n; v++) {
         struct exr_part *part =
             mdf_file_add_view(file, (int)v, 8, 8, (double)btf->layout.views.theta_deg[v],
-                              (double)btf->layout.views.phi_deg[v], 0.4);
+                              (double)btf->layout.views.phi_deg[v], btf->layout.texel_mm);
         for (int k = 0; k < 64; k++)
             part->planes[0][k] = 0.02F * (float)k;
     }
@@ -26,7 +26,7 @@ TEST(agree) {
     g_autofree char *made = keep ? NULL : g_dir_make_tmp("material-XXXXXX", NULL);
     const char *folder = keep ? keep : made;
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
-    g_autoptr(BtfMatrix) btf = material_fixture_btf(FALSE);
+    g_autoptr(BtfMatrix) btf = material_fixture_sized(8, 8, 2, FALSE);
     write_mdf(mdf, btf);
     for (gsize i = 0; codecs[i]; i++) {
         g_autofree char *name = g_strdup_printf("material-%s.exr", codecs[i]->name);

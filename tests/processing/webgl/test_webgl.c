@@ -183,7 +183,7 @@ static Browser *open_neural(void) {
     g_autofree char *material = g_strdup(in_folder("material.exr"));
     g_autofree char *output = g_strdup(in_folder("neural.html"));
     g_autofree char *address = g_strconcat("file://", output, NULL);
-    struct neural *neural = neural_fixture_new(32, 32, 8, 0.8, 3);
+    struct neural *neural = neural_fixture_new(16, 16, 8, 0.8, 3); /* 8 mm, as the bumps */
     relief_scene_write(RELIEF_BUMPS, material, in_folder("mdf.exr"));
     ok(neural_write(material, &neural, 1, ERR));
     neural_free(neural);
@@ -437,6 +437,12 @@ TEST(refused) {
     g_autofree char *no_mdf = g_strdup_printf("export web %s -o %s --mdf=%s/none.exr",
                                               in_folder("small.exr"), to, folder);
     webgl_test_refused(no_mdf, "none.exr");
+    g_autofree char *other = g_strdup(in_folder("other.exr"));
+    g_autofree char *bumps = g_strdup(in_folder("bumps.exr"));
+    relief_scene_write(RELIEF_BUMPS, other, bumps);
+    g_autofree char *other_mdf =
+        g_strdup_printf("export web %s -o %s --mdf=%s", in_folder("small.exr"), to, bumps);
+    webgl_test_refused(other_mdf, "give the MDF of the same session");
     g_free(process_mesorig(2, "export web %s -o %s --size=many", folder, to));
     g_assert_false(g_file_test(to, G_FILE_TEST_EXISTS));
 }

@@ -53,8 +53,8 @@ static double outline(const TraceScene *scene, const struct displaced_camera *c,
 GPU_TEST(grass) {
     TEMPORARY_FOLDER(folder);
     g_autofree char *material = g_build_filename(folder, "grey.exr", NULL);
-    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
-    btf->layout.texel_mm = 0.5;
+    g_autoptr(BtfMatrix) btf = material_fixture_sized(6, 6, 2, TRUE);
+    btf->layout.texel_mm = TILE_MM / 6;
     material_fixture_write(material, codecs_find("ward"), btf, "");
 
     g_autoptr(World) world = silhouettes_world("grass", 1.8);
