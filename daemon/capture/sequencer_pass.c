@@ -241,7 +241,7 @@ static void pass_tell(Sequencer *seq) {
             device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
                              "in the middle of an exposure it was %+.2f° from the planned %g°, and "
                              "at most %g° are allowed" ERROR_ADVICE
-                             "check trigger_ms of the camera",
+                             "check trigger_ms of the camera, if it has that option",
                              off, shot->turntable_deg, MAX_OFF_DEG);
         if (error)
             pass_refuse(seq, told->shot, told->camera, error);

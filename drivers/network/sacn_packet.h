@@ -9,7 +9,7 @@
 #define SACN_MAX_UNIVERSE 63999
 #define SACN_CHANNELS     512
 #define SACN_SIZE         (126 + SACN_CHANNELS)
-#define SACN_SOURCE_SIZE  64 /* of a source name, with its end */
+#define SACN_SOURCE_SIZE  64 /* bytes of a source name with its terminating NUL */
 
 struct sacn_source {
     guint8 cid[16];

@@ -7,10 +7,10 @@
 #define LANES        16               /* SIZE, rounded up to whole vectors of a processor */
 #define WEIGHT       (MAPS_SHAPE - 1) /* index of the specular weight w */
 #define STEP         1e-3F            /* step of the finite differences of the lobes */
-#define FLOOR        0.5F             /* differences below this count with their squares */
-#define ENOUGH       2e-4             /* relative decrease below which the search ends */
-#define TRIES        4                /* number of dampings that are tried in a step */
-#define MOVING_SHAPE 5                /* normal and widths; the lobes do not depend on w */
+#define FLOOR        0.5F /* f in the loss √(|difference|² + f²), in units of CIEDE2000 */
+#define ENOUGH       2e-4 /* relative decrease below which the search ends */
+#define TRIES        4    /* number of dampings that are tried in a step */
+#define MOVING_SHAPE 5    /* normal and widths; the lobes do not depend on w */
 
 struct maps_refiner {
     const struct maps_pairs *pairs;
