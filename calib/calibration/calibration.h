@@ -36,9 +36,11 @@ struct calibration_part {
     double residual_expected;
     char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
-    int pictures;        /* number of pictures used, without the rejected ones */
-    char *checksum;      /* calibration_checksum() of the used pictures */
-    GPtrArray *rejected; /* of char *: "picture: reason"; empty if none was rejected */
+    /* Number of pictures on which the part is based. If only sights or sweeps in the pictures are
+     * rejected, their pictures are counted as well. */
+    int pictures;
+    char *checksum;      /* calibration_checksum() of these pictures */
+    GPtrArray *rejected; /* of char *: "picture: reason"; empty if nothing was rejected */
 };
 
 /* Order of a camera's parameters in its covariance. TURN_X, TURN_Y and TURN_Z are a small rotation

@@ -407,10 +407,10 @@ gboolean bundle_solve(struct bundle *bundle, GError **error) {
         options.logging_type = ceres::SILENT;
         ceres::Solve(options, &work.problem, &summary);
         if (!summary.IsSolutionUsable())
-            return fail(
-                error, BUNDLE_ERROR_FAILED,
-                (summary.message + " (Ceres); check the cameras of the rig file, and --board")
-                    .c_str());
+            return fail(error, BUNDLE_ERROR_FAILED,
+                        (summary.message +
+                         " (Ceres); check --board, and on a rig the cameras of its rig file")
+                            .c_str());
         work.keep();
         return TRUE;
     } catch (const std::exception &e) {
@@ -429,8 +429,8 @@ gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError 
         options.parameter_blocks = work.free_blocks(&lens, &pose, &wobble);
         if (!work.problem.Evaluate(options, nullptr, &residuals, nullptr, &j))
             return fail(error, BUNDLE_ERROR_FAILED,
-                        "the fit has put a board behind the camera that sees it; check the cameras "
-                        "of the rig file, and --board");
+                        "the fit has put a board behind the camera that sees it; check --board, "
+                        "and on a rig the cameras of its rig file");
         const bundle_linear linear = {
             j.num_rows,      j.num_cols,
             j.rows.data(),   j.cols.data(),

@@ -290,6 +290,6 @@ gboolean bundle_scatter(struct bundle *bundle, const struct bundle_linear *linea
         g_set_error_literal(error, BUNDLE_ERROR, BUNDLE_ERROR_SINGULAR,
                             "the joint refinement of cameras and boards has failed: the pictures "
                             "do not determine all parameters; take more pictures, with the board "
-                            "at several tilts, and at angles all around the turntable");
+                            "at several tilts, and on a turntable at angles all around");
     return ok;
 }

@@ -52,12 +52,14 @@ gboolean cameras_board_azimuth(const struct cameras_result *result, const struct
     *ret_deg = flat->azimuth_deg;
     if (board->print != BOARD_CHESSBOARD || fabs(*ret_deg) < 180 - HALF_TURN_DEG)
         return TRUE;
-    g_set_error(error, CAMERAS_ERROR, CAMERAS_ERROR_FIT,
-                "by the nominal azimuths of the cameras, the board's x axis is at azimuth %.1f°, "
-                "but it must be near 0°: if the board's top left square is %s, %s --board; "
-                "otherwise, turn the azimuths of the cameras in the rig file by 180°",
-                *ret_deg, board->white_first ? "black" : "white",
-                board->white_first ? "take first=white out of" : "add first=white to");
+    g_set_error(
+        error, CAMERAS_ERROR, CAMERAS_ERROR_FIT,
+        "by the nominal azimuths of the cameras, the board's x axis is at azimuth %.1f°, "
+        "but it must be near 0°: if the board's top left square is %s, %s --board; "
+        "otherwise, turn the azimuths of the cameras in the rig file by 180°, and capture or "
+        "import again",
+        *ret_deg, board->white_first ? "black" : "white",
+        board->white_first ? "take first=white out of" : "add first=white to");
     return FALSE;
 }
 
@@ -463,7 +465,7 @@ static void tell_unexplained(const struct cameras_work *work, GError **error) {
                    "the boards do not fit the rig file: half of all corners are more than %.3g px "
                    "from the places that the rig file predicts, and %s. Check theta_deg, "
                    "phi_deg and distance_mm of each camera, %sand whether every session is of one "
-                   "position of the board",
+                   "position of the board. After a correction, capture or import again",
                    work->unexplained_px,
                    work->task->no_turntable ? "exchanged cameras do not explain this"
                                             : "neither a reversed turntable, nor angles in "

@@ -22,10 +22,10 @@
  * 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002. For a rational lens, k1
  * … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
  *
- * The lens model is that of the rig file, or the polynomial for photographs, unless the task gives
- * another. For photographs it can be chosen by cross-validation over pictures. Five times, each
- * model is fitted to four fifths of the pictures and predicts the corners in the last fifth. In
- * these pictures, only the poses of the boards are fitted. The fisheye replaces the polynomial, and
+ * The lens model is that of the task if the task gives one. Otherwise it is that of the rig file,
+ * and for photographs it is chosen by cross-validation over pictures. Five times, each model is
+ * fitted to four fifths of the pictures and predicts the corners in the last fifth. In these
+ * pictures, only the poses of the boards are fitted. The fisheye replaces the polynomial, and
  * then the rational lens replaces the better of the two, if the loss summed over the pictures falls
  * by more than twice the standard error of the differences.
  *
@@ -46,7 +46,7 @@
  *
  * Errors include the scatter between pictures (bundle.h).
  *
- * Any thread, one calibration at a time.
+ * Any thread may calibrate, but only one calibration may run at a time.
  */
 #pragma once
 

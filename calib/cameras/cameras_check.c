@@ -181,7 +181,8 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
         error, CAMERAS_ERROR_FIT,
         "by these pictures, the cameras stand %.3f times as far away as in the rig file: measure "
         "the board, on which the distance from one %s to the next may be %.4g mm instead of %g mm; "
-        "if this distance is right, correct distance_mm of the cameras in the rig file",
+        "if this distance is right, correct distance_mm of the cameras in the rig file, and "
+        "capture or import again",
         sum,
         board->circle_mm > 0            ? "row of circles"
         : board->print == BOARD_MARKERS ? "marker"
@@ -239,7 +240,8 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
         return cameras_refuse(
             error, CAMERAS_ERROR_FIT,
             "after the fit, the corners are %.2f px (RMS) from their predicted places, and at most "
-            "%g px is allowed: the board is bent%s, or it is not the board of --board",
+            "%g px is allowed: the board is bent%s, or it is not the board of --board; correct "
+            "--board, or take new pictures of a flat board",
             rms_px(work), MAX_RMS_PX,
             work->free_boards ? "" : ", the board has moved on the turntable, a camera has moved");
     if (work->free_boards)

@@ -222,7 +222,7 @@ gboolean cameras_check_places(const struct cameras_work *work, GError **error) {
                 continue;
             return cameras_refuse(
                 error, CAMERAS_ERROR_FIT,
-                "camera %s stands %.0f mm from its place in the rig file, but only %.0f mm from "
+                "camera %s stands %.0f mm from its expected place, but only %.0f mm from "
                 "the place of camera %s: the two cameras are exchanged; " CAMERAS_EXCHANGE_THEM,
                 rig->cameras[i].name, own_mm, other_mm, rig->cameras[k].name, rig->cameras[i].name,
                 rig->cameras[k].name);

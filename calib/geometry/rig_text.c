@@ -260,7 +260,8 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (g_strcmp0(format, FORMAT) != 0) {
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: [rig] format: is '%s', not '" FORMAT
-                    "'; this is not a calibration file of this version, so calibrate again",
+                    "'; this is not a calibration file of this version; give the right file, or "
+                    "calibrate again",
                     path, format ? format : "");
         return FALSE;
     }

@@ -41,8 +41,8 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
 gboolean ball_light_plate(const struct ball_camera *camera, const struct ball_outline *ball,
                           double x_px, double y_px, struct vec3 *ret);
 
-/* Computes where a ray of light comes from a sphere of a radius around a point, on which the lamp
- * is. Returns FALSE if the ray begins outside of the sphere. */
+/* Computes the point where the ray that begins at `from` meets the sphere of the given radius
+ * around `middle`. The lamp is on this sphere. Returns FALSE if `from` is outside of the sphere. */
 gboolean ball_light_on_sphere(struct vec3 from, struct vec3 direction, struct vec3 middle,
                               double radius, struct vec3 *ret);
 

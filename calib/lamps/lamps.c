@@ -512,12 +512,11 @@ static gboolean check_places(const struct rig *rig, const struct lamps_result *r
             const double other_mm = vec3_length(vec3_sub(at, rig->lamps[k].position_mm));
             if (k == i || other_mm > own_mm / EXCHANGED)
                 continue;
-            g_set_error(
-                error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-                "lamp %s stands %.1f mm from its place in the rig file, but only %.1f mm from the "
-                "place of lamp %s: the two lamps are exchanged; " LAMPS_EXCHANGE_THEM,
-                rig->lamps[i].name, own_mm, other_mm, rig->lamps[k].name, rig->lamps[i].name,
-                rig->lamps[k].name);
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                        "lamp %s stands %.1f mm from its expected place, but only %.1f mm from the "
+                        "place of lamp %s: the two lamps are exchanged; " LAMPS_EXCHANGE_THEM,
+                        rig->lamps[i].name, own_mm, other_mm, rig->lamps[k].name,
+                        rig->lamps[i].name, rig->lamps[k].name);
             return FALSE;
         }
     }

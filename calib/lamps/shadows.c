@@ -136,8 +136,9 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
                         picture->name, view->rig->lamps[lamp].name);
         else
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                        "%s: camera %s does not see the plate, or lamp %s does not light it, by "
-                        "the rig file and the target's description; correct these",
+                        "%s: by the calibration and the target's description, camera %s does not "
+                        "see the plate, or lamp %s does not light it; correct the description, or "
+                        "give a calibration with the right positions of camera and lamp with -c",
                         picture->name, view->rig->cameras[view->camera].name,
                         view->rig->lamps[lamp].name);
         return FALSE;

@@ -575,7 +575,7 @@ static gboolean check_places(const struct problem *problem, const double *x, GEr
                 continue;
             g_set_error(
                 error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                "laser %s stands %.1f mm from its place in the rig file, but only %.1f mm from the "
+                "laser %s stands %.1f mm from its expected place, but only %.1f mm from the "
                 "place of laser %s: the two lasers are exchanged; exchange theta_deg and "
                 "distance_mm of [laser %s] and [laser %s] in the rig file, or their wiring, or for "
                 "imported pictures their names in the table, and capture or import again",

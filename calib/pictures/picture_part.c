@@ -148,10 +148,12 @@ gboolean picture_part_read(const char *path, const struct picture_part *part,
     if (good)
         take_numbers(&reading, ret);
     else
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: rows %d to %d cannot be read: %s", path, part->y,
-                    part->y + part->height - 1,
-                    reading.why ? reading.why : "there is too little memory; close other programs");
+        g_set_error(
+            error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+            "%s: rows %d to %d cannot be read (%s); copy the file again if it is damaged, or "
+            "close other programs if there is too little memory",
+            path, part->y, part->y + part->height - 1,
+            reading.why ? reading.why : "there is too little memory");
     if (!good)
         picture_says_clear(&ret->says);
     g_free(reading.row);

@@ -35,8 +35,10 @@ struct picture_tone {
 
 struct picture_says {
     struct picture_tone tone;
-    gboolean alpha;  /* pixels may be transparent */
-    gint64 taken_us; /* time when the shutter opened, by the camera's clock; 0 if not given */
+    gboolean alpha; /* pixels may be transparent */
+    /* Time when the picture was taken by the camera's clock, as if that clock showed UTC. If EXIF
+     * does not give this time, the date of the file's TIFF tags. 0 if neither is given. */
+    gint64 taken_us;
     /* The focal length of the lens, and the pixels per mm of the sensor in a picture whose longer
      * side has full_px pixels. 0 if not given. full_px may be 0 although pixels_per_mm is given. */
     double focal_mm, pixels_per_mm, full_px;

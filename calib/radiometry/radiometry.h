@@ -150,8 +150,10 @@ void tile_fit_clear(struct tile_fit *fit);
 
 /* Fits all parameters. Sets the response of the rig's cameras, and the intensity, exponent and aim
  * of its lamps. Returns FALSE with an error if the result is refused; rig is then not changed. Call
- * tile_fit_clear() after success. The geometry is taken as correct. Every lamp on the arc must be
- * used at arc angles that are at least 30° apart. If no lamp ever turns, there must instead be
- * lamps in directions that are at least 30° apart. */
+ * tile_fit_clear() after success. The geometry is taken as correct. If the arc turns between the
+ * shots, each lamp on the arc that has shots needs one at an arc angle at least 30° from that of
+ * its first shot. If the arc never turns, some lamp with a shot must instead stand at an azimuth at
+ * least 30° from that of the first shot's lamp. Otherwise the error is
+ * RADIOMETRY_ERROR_TOO_FEW. */
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
                   const struct tile_cell *cells, int n_cells, struct tile_fit *ret, GError **error);
