@@ -358,9 +358,10 @@ VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GEr
         return NULL;
     }
     if (!open_wire(board)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual G-code board: no pseudo-terminal can be opened: %s",
-                    g_strerror(errno));
+        g_set_error(
+            error, G_IO_ERROR, g_io_error_from_errno(errno),
+            "virtual G-code board: no pseudo-terminal can be opened: %s; close other programs",
+            g_strerror(errno));
         virtual_gcode_free(board);
         return NULL;
     }

@@ -248,9 +248,10 @@ VirtualLeds *virtual_leds_new(const struct virtual_leds_options *options, GError
     if (!g_unix_open_pipe(leds->wake, FD_CLOEXEC, error)) {
         leds->wake[0] = leds->wake[1] = -1;
     } else if (!open_wire(leds)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual LED controller: no pseudo-terminal can be opened: %s",
-                    g_strerror(errno));
+        g_set_error(
+            error, G_IO_ERROR, g_io_error_from_errno(errno),
+            "virtual LED controller: no pseudo-terminal can be opened: %s; close other programs",
+            g_strerror(errno));
     } else {
         leds->thread = g_thread_new("virtual-leds", leds_run, leds);
         return leds;

@@ -429,7 +429,7 @@ VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, 
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, device->made) != 0 ||
         !open_wire(device)) {
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual Modbus device: no %s can be opened: %s",
+                    "virtual Modbus device: no %s can be opened: %s; close other programs",
                     options->rtu ? "pseudo-terminal" : "TCP port", g_strerror(errno));
         virtual_modbus_free(device);
         return NULL;

@@ -1,7 +1,8 @@
 /*
  * A virtual Modbus device that speaks the real protocol: a drive with a stepper motor, a relay
  * board and a board of inputs in one unit. It serves TCP on the loopback interface, or RTU on a
- * pseudo-terminal, in a separate thread and in real time. It is for tests and measurements.
+ * pseudo-terminal, in a separate thread and in real time. It is for tests, measurements and
+ * mesorig-rig.
  *
  * Holding registers:
  *   0–1      target position (32 bits, high word first)

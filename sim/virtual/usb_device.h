@@ -1,6 +1,6 @@
 /*
- * The virtual USB devices are for tests. Each is a model behind umockdev's usbfs, which libusb uses
- * like the kernel's usbfs. A process sees the devices only after testbed_enter().
+ * Virtual USB devices, for tests and for mesorig-rig. Each is a model behind umockdev's usbfs,
+ * which libusb uses like the kernel's usbfs. A process sees the devices only after testbed_enter().
  *
  * The functions of the models run in umockdev's thread, with the device locked. The functions of
  * this header lock the device while they use it.

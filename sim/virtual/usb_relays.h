@@ -1,4 +1,4 @@
-/* A virtual USB relay board for tests, which behaves like the firmware
+/* A virtual USB relay board for tests and for mesorig-rig, which behaves like the firmware
  * (https://github.com/pavel-a/usb-relay-hid). */
 #pragma once
 

@@ -1,7 +1,7 @@
 /*
- * A virtual Pololu Tic with a motor, a load and two limit switches, for tests. It implements the
- * states, errors and homing of the user's guide (https://www.pololu.com/docs/0J71) for the control
- * mode "Serial / I2C / USB", in real time.
+ * A virtual Pololu Tic with a motor, a load and two limit switches, for tests and for mesorig-rig.
+ * It implements the states, errors and homing of the user's guide
+ * (https://www.pololu.com/docs/0J71) for the control mode "Serial / I2C / USB", in real time.
  */
 #pragma once
 

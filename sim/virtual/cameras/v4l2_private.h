@@ -54,7 +54,7 @@ struct VirtualV4l2 {
     /* Number of stream threads. A thread whose stream has ended may still make its last picture. */
     int n_threads;
     gint64 first_us;   /* time of frame 0; frame n begins n frame intervals later */
-    gint64 changed_us; /* time when exposure or gain was last set */
+    gint64 changed_us; /* time when a control was last set */
     /* exposure of frames that begin now; a change of the controls has its effect on it later */
     gint64 exposure_us;
     double gain_db;

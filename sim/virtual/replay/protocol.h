@@ -1,4 +1,5 @@
-/* What a replayer must know of the protocol of a bus. Plain data. Any thread. */
+/* This module has what a replayer must know about the protocol of a bus. Any thread may call the
+ * functions. */
 #pragma once
 
 #include <glib.h>
@@ -23,10 +24,11 @@ struct replay_protocol {
     char *(*stream)(const guint8 *key, gsize n, const char *sections);
 
     /* Returns whether a message is an answer to this request, and not one that the device sends by
-     * itself or to another request. NULL: each message up to the next request is. */
+     * itself or to another request. NULL if every message up to the next request is an answer. */
     gboolean (*answers)(const guint8 *request, gsize n, const guint8 *message, gsize size);
 
-    /* Returns the message with the number of the request; g_bytes_unref(). NULL: it has none. */
+    /* Returns the message with the number of the request; g_bytes_unref(). NULL if messages have no
+     * numbers. */
     GBytes *(*adapt)(GBytes *message, const guint8 *request, gsize n);
 };
 

@@ -1,5 +1,5 @@
-/* Reads a recording of what devices have said (docs/build-a-rig/recordings.md). Plain data. Any
- * thread. */
+/* Reads a recording of what devices have said (docs/build-a-rig/recordings.md). Any thread
+ * may call the functions. */
 #pragma once
 
 #include <gio/gio.h>

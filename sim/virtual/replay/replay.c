@@ -293,7 +293,8 @@ static gboolean plug_usb(struct bus *bus, int number, GError **error) {
         return TRUE;
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                "%s: no note names the USB device of @%d", recorded->path, number);
+                "%s: no note names the USB device of @%d; record the device again", recorded->path,
+                number);
     return FALSE;
 }
 

@@ -1,4 +1,5 @@
-/* The requests of one bus of a recording, and how far a replay has come. One thread at a time. */
+/* The requests of one bus of a recording, and how far a replay has come. Only one
+ * thread at a time may use a struct steps. */
 #pragma once
 
 #include "protocol.h"
