@@ -1,7 +1,7 @@
 /*
  * A recording of what devices say on their buses: a text that a person can read and mail, and that
- * a virtual bus can replay (sim/virtual/replay.h). docs/build-a-rig/recordings.md describes its
- * lines.
+ * a virtual bus can replay (sim/virtual/replay/replay.h). docs/build-a-rig/recordings.md describes
+ * its lines.
  *
  * The process has at most one recording. The classes of devices record their calls and their
  * results, and the buses record each message where they read and write it. Without a recording,

@@ -2,7 +2,7 @@
  * Converts the picture of a still camera to a PGM of 16 bits, linear in light: the values of the
  * sensor without demosaicing. The raw file states the sensor's values for black and white. They
  * become CONVERT_BLACK and CONVERT_WHITE in each PGM, also if the camera's black level changes. Any
- * thread.
+ * thread may call the function.
  */
 #pragma once
 

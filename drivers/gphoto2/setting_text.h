@@ -1,4 +1,5 @@
-/* Values of a camera's settings, as libgphoto2 writes them. Pure functions; any thread. */
+/* Values of a camera's settings, as libgphoto2 writes them. The functions are pure, and any thread
+ * may call them. */
 #pragma once
 
 #include <glib.h>

@@ -5,7 +5,8 @@
  * A trigger and its picture are only loosely connected in libgphoto2. The picture is announced by
  * an event that may come late or never. A picture that was given up arrives later, and must not be
  * taken for the next one. Therefore a shot first settles the shots that were given up. It then
- * waits for the event until three exposures are over, and looks at last for a new file on the card.
+ * waits for the event until three exposures and the times trigger_ms and readout_ms are over, and
+ * looks at last for a new file on the card.
  * After an error of the connection, the camera is connected again and looked through for the
  * picture. Times are those of g_get_monotonic_time(). Errors are G_IO_ERROR without a subject.
  */
