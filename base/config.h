@@ -5,9 +5,9 @@
  * a class. A Config is read once and never changed; it may be read from any thread.
  *
  * Every file that people write is read by this module: rig files, sessions, worlds, hooks, targets
- * and nominal values. Most of them describe their keys in option tables (options.h). Files that a
- * program writes for itself are read with GKeyFile: calibrations, the queue, and the rates of
- * processing. Tables of numbers are read with text_table.h.
+ * and files of nominal values. Most of them describe their keys in option tables (options.h). Files
+ * that a program writes for itself are read with GKeyFile: calibrations, the queue, and the rates
+ * of processing. Tables of numbers are read with text_table.h.
  */
 #pragma once
 
@@ -44,7 +44,7 @@ struct config_section {
 };
 
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error lists
- * all wrong lines. */
+ * the wrong lines, at most MISTAKES_SHOWN of them. */
 Config *config_load(const char *path, GError **error);
 
 /* The same as config_load() and config_parse(), for a reader that also reports mistakes in the

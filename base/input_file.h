@@ -29,7 +29,7 @@ enum input_file_error {
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
 /* A picture may have INPUT_FILE_PIXELS pixels, or INPUT_FILE_PIXELS_PER_BYTE pixels for each byte
- * of its file if that is more. No photograph compresses to less than two bits per pixel. */
+ * of its file if that is more. Cameras compress photographs to no less than two bits per pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 

@@ -61,7 +61,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
     if (!number)
         return value_error(error, "\"%s\" is not a number%s%s%s", text,
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
-                           option->unit ? "; write only the number)" : "");
+                           option->unit ? "; write only the number)" : "; write a number");
     *ret = value;
     return check_range(option, value, text, error);
 }

@@ -46,7 +46,7 @@ static gboolean fail(const char *path, GError **error) {
                 g_strerror(saved),
                 full     ? "; free some space, then try again"
                 : denied ? "; choose a folder in which you may write"
-                         : "");
+                         : "; give another path");
     return FALSE;
 }
 

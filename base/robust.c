@@ -15,7 +15,8 @@ static double middle_of_three(double a, double b, double c) {
     return MAX(MIN(a, b), MIN(MAX(a, b), c));
 }
 
-/* Returns the median of nine values from first to before end. */
+/* Returns the ninther (Tukey 1978) of the values from first to before end: the median of three
+ * medians, each of three values. */
 static double guess_median(const double *values, int first, int end) {
     double middles[3];
     const int step = (end - first - 1) / 8;

@@ -43,7 +43,7 @@ static gboolean fail(const ScratchFile *file, const char *what, GError **error) 
     const int code = errno;
     g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
                 "%s the temporary file for %s failed: %s; check the disk of the session, and that "
-                "of %s, which is used if the session is not writable",
+                "of %s, which is used if the file cannot be made in the session",
                 what, file->content, g_strerror(code), g_get_tmp_dir());
     return FALSE;
 }

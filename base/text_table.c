@@ -224,5 +224,5 @@ gboolean text_table_number(const TextTable *table, int row, int column, double o
            data_error_fail(table->path, text_table_line(table, row), error,
                            "“%s” in column %s is not a number%s", text,
                            (char *)table->names->pdata[column],
-                           strchr(text, ',') ? "; write a decimal point" : "");
+                           strchr(text, ',') ? "; write a decimal point" : "; correct it");
 }

@@ -1,8 +1,9 @@
 /*
- * Long computations: parallel loops, progress and cancelling, in the same form in every room.
+ * Long computations: parallel loops, progress and cancelling, in the same form everywhere.
  *
  * A caller passes a struct work to the computation. The computation reports each stage through it,
- * and stops soon after its cancellable is cancelled. All callbacks come from the calling thread.
+ * and stops soon after its cancellable is cancelled. It calls the progress callback only in the
+ * thread that has called the computation.
  */
 #pragma once
 
@@ -19,7 +20,7 @@ typedef void (*WorkProgress)(const struct work_progress *progress, gpointer data
  * processor, no reports and no cancelling. */
 struct work {
     int n_threads;             /* 0 means one per processor */
-    WorkProgress progress;     /* may be NULL; called from the calling thread */
+    WorkProgress progress;     /* may be NULL */
     gpointer data;             /* passed to progress */
     GCancellable *cancellable; /* may be NULL */
 };
