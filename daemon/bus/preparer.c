@@ -83,9 +83,11 @@ static void report_end(const struct child *child, GError **error) {
             "disk with its files is not too slow",
             what, child->limits.wall_s);
     else if (signal == SIGXCPU)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "%s took more than its limit of %u s of computing time: give fewer directions",
-                    what, child->limits.cpu_s);
+        g_set_error(
+            error, BUS_ERROR, BUS_ERROR_LIMIT,
+            "%s took more than its limit of %u s of computing time: give a session with fewer "
+            "directions",
+            what, child->limits.cpu_s);
     else if (signal)
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
                     "%s ended by signal %d (%s): most likely it needed more than its limit of %s "

@@ -384,7 +384,8 @@ static void on_homed(gpointer data) {
     Capture *capture = data;
     const struct capture_session *session = &capture->session;
     time_left_predict(&capture->time_left, 0, capture_session_now_s(session));
-    /* “mesorig history” reads this event: the time since the last event was used for homing. */
+    /* “mesorig info --history” reads this event: the time since the event before it was used for
+     * homing. */
     session_add_event(session->store, capture_session_now_s(session), "info", "capture",
                       SESSION_EVENT_HOMED, NULL);
     if (capture->state == CAPTURE_HOMING)

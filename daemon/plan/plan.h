@@ -204,10 +204,10 @@ void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int 
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 
 /* Predict the time left for those of the shots that are still planned, in this order. The moves
- * begin at the pose of the shot from. If from is NULL, they begin at 0, where homing leaves the
- * axes. ret_left_s (n + 1) is the time left before each shot, counted from the end of the last
- * exposure of the previous one, and the time left after the last shot. plan_remaining_s() returns
- * the first of these. */
+ * begin at the pose of the shot from. If from is NULL, they begin at 0, where homing leaves every
+ * axis with home_deg 0; other values of home_deg are ignored. ret_left_s (n + 1) is the time left
+ * before each shot, counted from the end of the last exposure of the previous one, and the time
+ * left after the last shot. plan_remaining_s() returns the first of these. */
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
                  const struct rig *rig, const struct rig_timing *timing,
                  const struct session_shot *from, double *ret_left_s);

@@ -220,8 +220,8 @@ double plan_shots_move_s(const struct session_shot *from, const struct session_s
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
 /* Returns the predicted time of the shots, counted from the moment when the axes are in the pose of
- * the first shot. *ret_first_s is the additional time of the move from 0, where homing leaves the
- * axes, into that pose. */
+ * the first shot. *ret_first_s is the additional time of the move into that pose from 0, where
+ * homing leaves every axis with home_deg 0; other values of home_deg are ignored. */
 double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, double *ret_first_s);
 

@@ -130,7 +130,8 @@ static gboolean set_vector(struct lamp_place *lamp, const double v[3], double di
 
 static gboolean check_number(const GArray *lamps, const char *path, int line, GError **error) {
     return lamps->len < RIG_MAX_LAMPS ||
-           data_error_fail(path, line, error, "there are more than %d lamps, which is the maximum",
+           data_error_fail(path, line, error,
+                           "there are more than %d lamps, which is the maximum; remove the others",
                            RIG_MAX_LAMPS);
 }
 
