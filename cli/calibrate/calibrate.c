@@ -149,8 +149,10 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 }
 
 /* The number of used observations depends on the part. For lights it is half of the degrees of
- * freedom, because each sight has two residuals. For lasers it is part->pictures minus the rejected
- * sweeps, because part->pictures counts these too. For the other parts it is part->pictures. */
+ * freedom, because each sight has two residuals. For the sweeps of sessions it is part->pictures
+ * minus the rejected ones, because part->pictures counts these too. Photographs of laser lines
+ * (--images) are counted only if they are used, so that the number computed here is too small for
+ * them. For the other parts it is part->pictures. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
     const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
@@ -315,7 +317,8 @@ gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error
         return sum != NULL;
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: the checksum of the file is not that of the captured frame; mesorig verify "
-                "records the damage, and mesorig resume then captures the frame again",
+                "records the damage, and mesorig resume then captures the frame again; import an "
+                "imported session again",
                 frame->path);
     return FALSE;
 }

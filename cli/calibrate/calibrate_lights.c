@@ -409,8 +409,9 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
                                             : "the arc";
         const gboolean reversed = (turntable ? mistake->turntable : mistake->arc) < 0;
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-                    "%s: %s %s (%s); correct the %s of steps_per_deg of %s in the rig file, or for "
-                    "imported pictures %s in the table, and capture or import again",
+                    "%s: %s %s (%s); correct the %s of steps_per_deg of %s in the rig file "
+                    "(units_per_deg for a G-code board), or for imported pictures %s in the table, "
+                    "and capture or import again",
                     job->base.sessions[0], what, reversed ? sign : radians, fit,
                     reversed ? "sign" : "value",
                     turntable && arc ? "[axis turntable] and [axis arc]"

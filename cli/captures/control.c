@@ -175,7 +175,7 @@ static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devic
     }
 }
 
-/* Prints the answer of each device. A state that was not read back counts as a failure. */
+/* Prints the answer of each device. It is a failure if a device has not confirmed its state. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
@@ -195,8 +195,8 @@ static int run_safe(const struct call *call, GError **error) {
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
         record_say(call->record, "%-10s %-16s %s\n", class_name, name, state);
-        /* "sent …" is said of a device that cannot be read back; other words are those of a daemon
-         * that is too busy to ask its devices. */
+        /* "sent …" is said of a device that cannot be read back; other words are those of a device
+         * that has not confirmed its state, or of a daemon that is too busy to ask its devices. */
         if (!g_str_equal(state, "read back") && !g_str_has_prefix(state, "sent"))
             g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
                                    state);

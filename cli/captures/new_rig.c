@@ -53,7 +53,7 @@ static char *take_kind(const char *text, struct new_rig *rig) {
     return g_strdup_printf("there is no kind of rig “%s”; choose from: dome, turntable, arc", text);
 }
 
-/* Returns whether the bank has enough lamps. */
+/* Returns NULL if the bank has enough lamps, and otherwise the message, to free with g_free(). */
 static char *check_bank(const struct new_rig *rig) {
     const struct new_rig_way *bank = &new_rig_banks[rig->bank];
     if (rig->n_lamps <= bank->max_lamps)

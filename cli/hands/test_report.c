@@ -11,7 +11,7 @@
 #include <sys/utsname.h>
 
 #define PICTURE_SIDE 480 /* pixels */
-#define MIN_PLACE    4   /* characters; a shorter text could be part of anything */
+#define MIN_PLACE    4   /* bytes; a shorter text could be part of anything */
 
 static void result_free(gpointer data) {
     struct test_result *result = data;
