@@ -1,4 +1,4 @@
-/* Functions that open a BTF and read its views one by one, for the files of this room and for
+/* Functions that open a BTF and read its views one by one, for the files of this folder and for
  * near_field_correction.c. */
 #pragma once
 

@@ -8,10 +8,12 @@
  *   camera          a camera of the calibration
  *   lamp, or laser  of the calibration; with a lamp the picture is for the BTF, with a laser it is
  *                   a picture of a sweep
- *   turntable_deg 0 if empty arc_deg angle of the arc that carries lamps and lasers; 0 if empty
- *   exposure_ms 1 if empty sweep_deg for sweeps: the angle of the laser, in even steps black_level
- *   the number that a pixel has without light; 0 if empty dark_frame a picture without light of the
- *   same exposure and coding; its numbers are
+ *   turntable_deg   0 if empty
+ *   arc_deg         angle of the arc that carries lamps and lasers; 0 if empty
+ *   exposure_ms     1 if empty
+ *   sweep_deg       for sweeps: the angle of the laser, in even steps
+ *   black_level     the number that a pixel has without light; 0 if empty
+ *   dark_frame      a picture without light of the same exposure and coding; its numbers are
  *                   subtracted pixel by pixel instead of black_level
  *   bits            white is 2^bits − 1; if empty, all bits of the file
  *   transfer        linear or srgb; if empty, the file decides (PNG, ICC profile, EXIF), and

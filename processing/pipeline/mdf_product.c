@@ -58,8 +58,7 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
         from, to, steps, input->from_rad / degree, input->to_rad / degree, input->steps);
 }
 
-/* Minimum height in DN of a line above the median of the reference region. This is the default of
- * the key laser_threshold_dn. */
+/* Minimum height in DN of a line above the median of the reference region. */
 #define LINE_DN 12
 
 #define AGAIN "; delete %s, and `mesorig resume` captures the sweep again"

@@ -7,10 +7,9 @@
 
 /* The commands that an error suggests. `mesorig resume` takes a frame again if its file is missing
  * or differs from the committed file. */
-#define REMEDY "; `mesorig resume` takes the frame again"
-#define DELETE                                                                                     \
-    ", although the file is as it was committed; delete it, and `mesorig resume` takes the frame " \
-    "again"
+#define AGAIN  "`mesorig resume` takes the frame again (import an imported session again)"
+#define REMEDY "; " AGAIN
+#define DELETE ", although the file is as it was committed; delete it, and " AGAIN
 
 void input_clear(struct input *input) {
     g_clear_pointer(&input->path, g_free);

@@ -1,12 +1,13 @@
 /* The session directory, the only interface between capture, processing and viewer.
  *
  *   NAME.session/
- *     session.db         SQLite (WAL): rig and session files, plan, shots, frames, events, products
- *     frames/…exr        one per shot and camera: the picture of a lamp shot (linear, half float),
- * or the dark levels of a dark shot (float) laser/…exr         one per shot and camera: the peaks
- * of a laser sweep (float) frames/…/…exr      single raw frames of a shot and camera, if the
- * session keeps them laser/…/…exr       the same for a laser sweep products/…         results of
- * processing
+ *     session.db     SQLite (WAL): rig and session files, plan, shots, frames, events, products
+ *     frames/…exr    one per shot and camera: the picture of a lamp shot (linear, half float), or
+ *                    the dark levels of a dark shot (float)
+ *     laser/…exr     one per shot and camera: the peaks of a laser sweep (float)
+ *     frames/…/…exr  single raw frames of a shot and camera, if the session keeps them
+ *     laser/…/…exr   the same for a laser sweep
+ *     products/…     results of processing
  *
  * daemon/capture/intake/intake.h describes the files below frames and laser.
  *
@@ -135,8 +136,8 @@ static inline double session_frame_turntable_deg(const struct session_frame *fra
     return frame->turned ? frame->turntable_deg : shot->turntable_deg;
 }
 
-/* Message of the event that capture records each time the axes have been homed. “mesorig history”
- * reads this event. */
+/* Message of the event that capture records each time the axes have been homed. “mesorig info
+ * --history” reads this event. */
 #define SESSION_EVENT_HOMED "homed"
 struct session_event {
     double time_s;

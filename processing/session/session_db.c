@@ -111,10 +111,11 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
             error, SESSION_ERROR_FORMAT,
             "%s/session.db: SQLite refused a row: %s; restore the database from a backup",
             session->path, says);
-    return session_fail(error, saved == EFBIG ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
-                        "%s/session.db: %s%s%s%s", session->path, says, saved ? ": " : "",
-                        saved ? g_strerror(saved) : "",
-                        primary == SQLITE_IOERR ? "; check the disk and try again" : "");
+    return session_fail(
+        error, saved == EFBIG ? SESSION_ERROR_FULL : SESSION_ERROR_IO, "%s/session.db: %s%s%s%s",
+        session->path, says, saved ? ": " : "", saved ? g_strerror(saved) : "",
+        primary == SQLITE_IOERR ? "; check the disk and try again"
+                                : "; check the access rights of its directory, and the disk");
 }
 
 static sqlite3_stmt *prepare(Session *session, GError **error, const char *sql, const char *types,
@@ -254,7 +255,8 @@ static gboolean session_db_check(Session *session, GError **error) {
                             "%s: the session has format %" G_GINT64_FORMAT
                             ", but this program reads only format %d%s",
                             session->path, format, SESSION_FORMAT,
-                            format > SESSION_FORMAT ? "; use a newer program" : "");
+                            format > SESSION_FORMAT ? "; use a newer program"
+                                                    : "; use the version that made it");
     /* SQLite's own check of the file's structure. */
     g_autofree char *sound = must_text(session, "PRAGMA quick_check(1)", NULL, error);
     if (!sound || strcmp(sound, "ok") != 0)

@@ -280,11 +280,12 @@ static void find_mistake(struct run *run, GError **error) {
         if (!try_light(run, lamps, all[i].arc, &fit))
             continue;
         g_clear_error(error);
-        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s; the pictures fit a tile, to %.2g %%, only if this is corrected. "
-                    "Correct %s in the rig file or, for imported pictures, the angles in the "
-                    "table, and capture or import again",
-                    session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
+        g_set_error(
+            error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+            "%s: %s; the pictures fit a tile, to %.2g %%, only if this is corrected. "
+            "Correct %s in the rig file (units_per_deg for a G-code board) or, for imported "
+            "pictures, the angles in the table, and capture or import again",
+            session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }
 }

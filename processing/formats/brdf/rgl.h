@@ -1,9 +1,11 @@
 /* RGL's .bsdf files (Dupuy & Jakob 2018), as RGL's loaders and Mitsuba read them. A file is a
  * tensor file (tensor_file.h) with the following fields, all float32 except the last two. P and T
- * are the numbers of φ_i and θ_i: phi_i[P], theta_i[T]     directions of incidence, in radians,
- * ascending. With P ≤ 2 the BRDF is isotropic. ndf[b][a], sigma[b][a]   distribution of normals
- * D(m), and projected area σ(ω_i) vndf[P][T][b][a]         density of visible normals, up to a
- * factor luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
+ * are the numbers of φ_i and θ_i:
+ *   phi_i[P], theta_i[T]     directions of incidence, in radians, ascending; with P ≤ 2 the BRDF is
+ *                            isotropic
+ *   ndf[b][a], sigma[b][a]   distribution of normals D(m), and projected area σ(ω_i)
+ *   vndf[P][T][b][a]         density of visible normals, up to a factor
+ *   luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
  *                            sampling
  *   rgb[P][T][3][n][n]       linear sRGB in sample space; instead of it, there may be
  *                            spectra[P][T][W][n][n] and wavelengths[W] in nm
