@@ -7,7 +7,8 @@
 #define DATA_ERROR data_error_quark()
 GQuark data_error_quark(void);
 enum data_error {
-    /* The data does not fit its session or format: size, NaN, checksum, syntax. */
+    /* The data does not fit its session or format (size, NaN, checksum, syntax), an option does not
+     * fit the data, or a computation with the data fails. */
     DATA_ERROR_INVALID,
     DATA_ERROR_INCOMPLETE, /* frames or products are missing */
     DATA_ERROR_EXISTS,     /* the file or session to be made already exists */

@@ -485,8 +485,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     const int blas_threads = openblas_get_num_threads();
     if (!free_boards && !board_check_upright(&task->board, error))
         return NULL;
-    /* OpenCV and this room solve thousands of small systems. Several BLAS threads would mostly wait
-     * for each other. */
+    /* OpenCV and this folder solve thousands of small systems. Several BLAS threads would mostly
+     * wait for each other. */
     work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
     work.census = board_census_new(&task->board);
