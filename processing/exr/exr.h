@@ -16,9 +16,12 @@
 GQuark exr_error_quark(void);
 enum exr_error {
     EXR_ERROR_IO,
-    EXR_ERROR_FORMAT, /* not an EXR, truncated, or of an unsupported kind (deep, tiled) */
-    EXR_ERROR_TOO_LARGE,
-    EXR_ERROR_MISSING, /* a requested part, channel or attribute does not exist */
+    /* not an EXR, truncated, of an unsupported kind (deep, tiled), or with content that its reader
+     * refuses */
+    EXR_ERROR_FORMAT,
+    EXR_ERROR_TOO_LARGE, /* too many pixels for the file or for EXR_MAX_PIXELS, or for the memory */
+    /* a requested part, channel or attribute does not exist, or an attribute has another type */
+    EXR_ERROR_MISSING,
     /* The disk is full, or the file too large for it. An existing file of that name stays as it
      * was. */
     EXR_ERROR_FULL,

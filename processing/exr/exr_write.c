@@ -349,12 +349,13 @@ static gboolean fail(GError **error, const char *path, int errno_value) {
     const gboolean link = errno_value == ENOTDIR || errno_value == ELOOP;
 
     g_propagate_error(
-        error,
-        error_details_new(
-            EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO, NULL,
-            "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
-            full ? ERROR_ADVICE "free some space and go on" : "",
-            link ? "; the file's folder must be a folder, and not a symbolic link or a file" : ""));
+        error, error_details_new(
+                   EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO, NULL,
+                   "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
+                   full ? ERROR_ADVICE "free some space and go on" : "",
+                   link ? "; the file's folder must be a folder, and not a symbolic link or a file"
+                   : full ? ""
+                          : ERROR_ADVICE "check the access rights of its folder, and the disk"));
     return FALSE;
 }
 
@@ -371,7 +372,8 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
     if (sink.error)
         return fail(error, path, sink.error);
     if (rc != EXR_ERR_SUCCESS)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path,
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
+                    "%s: cannot be written: %s; check the disk and the free memory", path,
                     *sink.message ? sink.message : exr_get_default_error_message(rc));
     return rc == EXR_ERR_SUCCESS;
 }

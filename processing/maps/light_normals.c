@@ -177,9 +177,10 @@ static gboolean solve_view(const struct near_field *near_field, const char *path
     if (ret->holes == ret->texels && are_cut(&pictures, ret->texels))
         return data_error_fail(path, 0, error,
                                "no texel has a normal, because most values are cut at %g, the "
-                               "largest that the file can hold: response in the rig file is "
-                               "missing or too small; write a larger one (“mesorig check” says "
-                               "how much), and capture again",
+                               "largest that the file can hold: response in the rig file "
+                               "(for imported pictures, in the file of nominal values) is missing "
+                               "or too small; write a larger one (“mesorig check” says how much), "
+                               "and capture or import again",
                                (double)EXR_HALF_LARGEST);
     if (ret->holes == ret->texels)
         return data_error_fail(path, 0, error,

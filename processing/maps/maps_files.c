@@ -49,7 +49,9 @@ static gboolean exists(const char *path, GError **error) {
 static gboolean maps_files_io(const char *path, int number, GError **error) {
     const gboolean full = number == ENOSPC || number == EDQUOT;
     g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s cannot be written: %s%s", path,
-                g_strerror(number), full ? "; free some space and export again" : "");
+                g_strerror(number),
+                full ? "; free some space and export again"
+                     : "; check the access rights of its folder, and the disk");
     return FALSE;
 }
 

@@ -85,11 +85,11 @@ int mesorig_material_directions(const mesorig_material *material, float *ret_vie
  * negative.
  *
  * Between texels, values are interpolated bilinearly. If there is a footprint, values are averaged
- * over a square of its width, in which at most 16 × 16 points count. If the file has mip levels,
- * the two nearest levels are mixed instead. Between measured directions, values are interpolated
- * (bilinear in θ and φ, or in a triangle). For lights below the lowest measured one, values fall in
- * proportion to cos θ. Models with a formula evaluate it. The result is 0 if a view or light is
- * below the horizon, or if an argument is not finite. */
+ * over a square of its width. In a square wider than 16 texels, 16 × 16 texels count. If the file
+ * has mip levels, the two nearest levels are mixed instead. Between measured directions, values are
+ * interpolated (bilinear in θ and φ, or in a triangle). For lights below the lowest measured one,
+ * values fall in proportion to cos θ. Models with a formula evaluate it. The result is 0 if a view
+ * or light is below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
                               const float *view, const float *light, const float *footprint,
                               float *ret_rgb);

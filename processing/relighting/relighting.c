@@ -74,7 +74,8 @@ static gboolean read_view(Relighting *to, const char *path, const struct work *w
     return ok && (to->n_lights >= RELIGHTING_MIN_LIGHTS ||
                   data_error_fail(path, 0, error,
                                   "the session has pictures under %d lights; to predict each "
-                                  "from the others, at least %d are needed",
+                                  "from the others, at least %d are needed; capture or import "
+                                  "pictures under more lights",
                                   to->n_lights, RELIGHTING_MIN_LIGHTS));
 }
 

@@ -1,4 +1,4 @@
-/* The files of the room share the weights with which lights are predicted. */
+/* The files of this folder share the weights with which lights are predicted. */
 #pragma once
 
 #include "relighting.h"

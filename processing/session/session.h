@@ -27,10 +27,11 @@
 #define SESSION_ERROR session_error_quark()
 GQuark session_error_quark(void);
 enum session_error {
-    SESSION_ERROR_IO,     /* a file or the database cannot be read, written or locked */
-    SESSION_ERROR_FORMAT, /* not a session, damaged, not valid, or of another version */
+    SESSION_ERROR_IO, /* a file or the database cannot be read, written or locked */
+    /* not a session, damaged, not valid, of another version, or not suitable for what is asked */
+    SESSION_ERROR_FORMAT,
     SESSION_ERROR_LOCKED, /* another process captures into the session */
-    SESSION_ERROR_EXISTS, /* session_create() would replace something */
+    SESSION_ERROR_EXISTS, /* a new session would replace something */
     /* the disk is full; nothing is lost, and the caller can try again when there is free space */
     SESSION_ERROR_FULL,
     SESSION_ERROR_DAMAGED, /* a file of a product is missing, cannot be read, or differs from its

@@ -17,7 +17,7 @@ GArray *chart_parse(const char *text, const char *path, GError **error);
 /* Measures all patches in the view nearest to the normal, under the lights nearest to 45°, which is
  * the geometry of charts (CIE 45°:0°). ret has one element for each field. The error is
  * COLOUR_ERROR_TOO_FEW if no view is within 20° of the normal or no light within 20° of 45°, and
- * COLOUR_ERROR_FILE if a disc contains no texel. Other errors are those of session_check_products()
- * and btf_read_view(). */
+ * COLOUR_ERROR_FILE if a disc contains no texel. Other errors are those of the functions that
+ * read the session, of session_check_products() and of btf_read_view(). */
 gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
                        GError **error);

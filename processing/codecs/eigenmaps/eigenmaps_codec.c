@@ -101,9 +101,9 @@ static const struct option eigenmaps_codec_table[] = {
 };
 
 /* Sets the limit of memory in options. It is job->memory, less the bytes of all maps, or of one map
- * if has_target; 0 (the default) means no limit. If the limit does not leave room for one column
- * next to the maps, the maps are kept in a file, and half of the limit is for blocks. Fails if the
- * limit does not leave room for one column. */
+ * if has_target. If job->memory is 0, options->memory becomes 0, the default. If the limit does not
+ * leave room for one column next to the maps, the maps are kept in a file, and half of the limit is
+ * for blocks. Fails if the limit does not leave room for one column. */
 static gboolean limit_memory(const struct codec_job *job, gboolean has_target, int terms,
                              struct eigenmaps_options *options, char **ret_folder, GError **error) {
     const struct btf_matrix *btf = job->btf;

@@ -22,8 +22,8 @@
  *              (Ashikhmin & Shirley 2000, without the Fresnel factor)
  * Both are π f_r n·l, because values are relative to a white diffuser.
  *
- * No half float overflows: exponents lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT. The peak of a
- * lobe, |(X, Y, Z)|^N, is at most LOBES_MAX_PEAK and at most four times the brightest value to
+ * No half float overflows: the exponents N lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT. The peak
+ * of a lobe, |(X, Y, Z)|^N, is at most LOBES_MAX_PEAK and at most four times the brightest value to
  * which the lobe was fitted.
  *
  * On disk, one EXR "fields.exr" (ptm.exr, …) of half floats. Each part is a picture of the texels.
