@@ -84,7 +84,8 @@ gboolean file_kind_find(const char *path, struct file_opened *ret, GError **erro
     const char *ending = ending_of(name);
     *ret = (struct file_opened){.kind = FILE_KIND_SESSION};
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no file or folder %s", path);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "there is no file or folder %s; check its name", path);
         return FALSE;
     }
     if (g_file_test(path, G_FILE_TEST_IS_DIR)) {

@@ -60,9 +60,11 @@ gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int h
     png_destroy_write_struct(&png, &info);
     if (good)
         return output_file_write(path, bytes->data, bytes->len, error);
-    g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO,
-                "%s: the picture of %d × %d pixels cannot be encoded as a PNG: %s", path, width,
-                height, message != NULL ? message : "there is no memory");
+    g_set_error(
+        error, PICTURE_ERROR, PICTURE_ERROR_IO,
+        "%s: the picture of %d × %d pixels cannot be encoded as a PNG: %s; choose a smaller "
+        "picture",
+        path, width, height, message != NULL ? message : "there is no memory");
     return FALSE;
 }
 

@@ -17,8 +17,10 @@
 #define REFERENCE_ERROR reference_error_quark()
 GQuark reference_error_quark(void);
 enum reference_error {
-    REFERENCE_ERROR_NONE,   /* there is no BTF */
-    REFERENCE_ERROR_FORMAT, /* a file is damaged, or BTF, MDF and index map do not fit together */
+    REFERENCE_ERROR_NONE, /* there is no BTF */
+    /* a file is damaged or too large for the memory, or BTF, MDF, index map and options do not fit
+     * together */
+    REFERENCE_ERROR_FORMAT,
 };
 
 #define REFERENCE_MAX_SAMPLES (8 << 20)

@@ -13,7 +13,9 @@
 GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
-    SCENE_ERROR_FORMAT,     /* neither OBJ nor glTF, or damaged; the message says where */
+    /* The file is neither OBJ nor glTF, or damaged, or all its positions are the same, or it does
+     * not have a material that --material names. */
+    SCENE_ERROR_FORMAT,
     SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
     SCENE_ERROR_NO_SHAPE, /* neither the name of a shape nor an existing file */

@@ -6,7 +6,9 @@
 #define TRACE_ERROR trace_error_quark()
 GQuark trace_error_quark(void);
 enum trace_error {
-    TRACE_ERROR_SCENE,    /* the scene lacks something, or a name is not in it */
+    /* the scene lacks something, a name is not in it, or it or one of its pictures cannot be
+     * used */
+    TRACE_ERROR_SCENE,
     TRACE_ERROR_MATERIAL, /* the file of a material cannot be used */
-    TRACE_ERROR_SETTING,  /* a setting is out of range */
+    TRACE_ERROR_SETTING,  /* a setting is out of range, or does not fit the scene */
 };

@@ -81,13 +81,14 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
     scene->device = rtcNewDevice("threads=1");
     if (scene->device == NULL) {
         const enum RTCError why = rtcGetDeviceError(NULL);
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "Embree, which traces the rays, cannot be started (error %d)%s", (int)why,
-                    why == RTC_ERROR_UNSUPPORTED_CPU
-                        ? ": this processor has neither SSE2 nor NEON, which Embree needs"
-                    : why == RTC_ERROR_OUT_OF_MEMORY
-                        ? ": there is no memory left; close other programs"
-                        : "; install Embree again");
+        g_set_error(
+            error, TRACE_ERROR, TRACE_ERROR_SCENE,
+            "Embree, which traces the rays, cannot be started (error %d)%s", (int)why,
+            why == RTC_ERROR_UNSUPPORTED_CPU
+                ? ": this processor has neither SSE2 nor NEON, which Embree needs; use another "
+                  "computer"
+            : why == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left; close other programs"
+                                             : "; install Embree again");
         return FALSE;
     }
     scene->rays = rtcNewScene(scene->device);
@@ -113,7 +114,7 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
                     (int)code,
                     code == RTC_ERROR_OUT_OF_MEMORY
                         ? ": there is no memory left; close other programs or simplify the scene"
-                        : "");
+                        : "; simplify the scene");
     return code == RTC_ERROR_NONE;
 }
 

@@ -9,10 +9,10 @@
 #define GPU_ERROR gpu_error_quark()
 GQuark gpu_error_quark(void);
 enum gpu_error {
-    GPU_ERROR_NONE,      /* OpenGL 3.3 is not available */
-    GPU_ERROR_TOO_LARGE, /* the card cannot hold the data */
+    GPU_ERROR_NONE,      /* OpenGL 3.3 (for lists of faces, 4.3) or a window is not available */
+    GPU_ERROR_TOO_LARGE, /* the card cannot hold the data, or a limit of the program is exceeded */
     GPU_ERROR_PROGRAM,   /* the driver refused a shader */
-    GPU_ERROR_FAILED,    /* OpenGL reported an error */
+    GPU_ERROR_FAILED,    /* OpenGL reported an error, or a file or an option cannot be used */
 };
 
 typedef struct Gpu Gpu;

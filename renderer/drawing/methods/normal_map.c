@@ -139,7 +139,7 @@ static struct normal_map *normal_map_read_png(const char *path, GError **error) 
                              NORMAL_MAP_ERROR_FORMAT, error);
     else
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s cannot be read as a normal map: %s", path,
+                    "%s cannot be read as a normal map: %s; save it again as a PNG", path,
                     reading.message != NULL ? reading.message : "PNG error");
     fclose(reading.file);
     g_free(reading.rows);
