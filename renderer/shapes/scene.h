@@ -18,7 +18,7 @@ enum scene_error {
     SCENE_ERROR_FORMAT,
     SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
-    SCENE_ERROR_NO_SHAPE, /* neither the name of a shape nor an existing file */
+    SCENE_ERROR_NO_SHAPE, /* neither the name of a shape nor of an .obj, .gltf or .glb file */
 };
 
 #define SCENE_MAX_FILE     (256 << 20) /* bytes */
