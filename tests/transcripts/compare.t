@@ -46,7 +46,7 @@ Errors of compression at directions that it has not seen. The times, in the last
   mesorig: S: 2 of 4 views cannot be left out, because at least 3 must be kept; leave out fewer views
   [1]
   $ mesorig compare S --leave-out each
-  mesorig: S: the session has pictures under 4 lights; to predict each from the others, at least 5 are needed
+  mesorig: S: the session has pictures under 4 lights; to predict each from the others, at least 5 are needed; capture or import pictures under more lights
   [1]
   $ mesorig compare S --leave-out each -m hsh
   mesorig compare: --leave-out=each needs no --method, --curve or --seed: it compares bases of the light
