@@ -150,14 +150,15 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
 
 /* The number of used observations depends on the part. For lights it is half of the degrees of
  * freedom, because each sight has two residuals. For the sweeps of sessions it is part->pictures
- * minus the rejected ones, because part->pictures counts these too. Photographs of laser lines
- * (--images) are counted only if they are used, so that the number computed here is too small for
- * them. For the other parts it is part->pictures. */
+ * minus the rejected ones, because part->pictures counts these too. For the other parts, and for
+ * photographs of laser lines, it is part->pictures. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
-    const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
-                        : kind == CALIBRATION_LASER ? part->pictures - left_out
-                                                    : part->pictures;
+    const gboolean sweeps =
+        kind == CALIBRATION_LASER && g_strcmp0(part->method, CALIBRATE_LASER_PHOTOGRAPHS) != 0;
+    const double used = kind == CALIBRATION_LIGHTS ? part->degrees_of_freedom / 2.0
+                        : sweeps                   ? part->pictures - left_out
+                                                   : part->pictures;
     return left_out > used;
 }
 

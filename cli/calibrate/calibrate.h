@@ -17,6 +17,8 @@ extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser
 
 extern char *calibrate_output, *calibrate_from; /* -o and -c */
 extern gboolean calibrate_incomplete;           /* --incomplete */
+/* calibration_part.method of a laser that was calibrated from photographs (--images) */
+#define CALIBRATE_LASER_PHOTOGRAPHS "its line on a board in photographs"
 #define CALIBRATE_INCOMPLETE                                                                       \
     {                                                                                              \
         "incomplete", 0, 0, G_OPTION_ARG_NONE, &calibrate_incomplete,                              \

@@ -366,8 +366,8 @@ static gboolean find(struct calibrate_job *base, GError **error) {
         return FALSE;
     keep_laser(job);
     keep_plane(job);
-    calibrate_set_part(base, CALIBRATION_LASER, "its line on a board in photographs",
-                       job->plane->rms_mm, "mm", 2 * job->plane->used - 3);
+    calibrate_set_part(base, CALIBRATION_LASER, CALIBRATE_LASER_PHOTOGRAPHS, job->plane->rms_mm,
+                       "mm", 2 * job->plane->used - 3);
     return !job->table || write_table(job, error);
 }
 

@@ -134,6 +134,21 @@ TEST(verdict) {
     g_assert_null(strstr(shown, "5.exr"));
     g_autofree char *all = RUN(0, "calibrate", "show", path, "--all");
     assert_has(all, "\nleft out of lamps and arc: 300.exr: ball 1 shows no lamp\n");
+    /* Four of seven sweeps are most of them. Four photographs of laser lines that were left out are
+     * fewer than seven others that were used. */
+    for (int i = 0; i < 2; i++) {
+        g_autofree char *page = NULL;
+        struct calibration_part *laser = calibration_set_part(
+            calibration, CALIBRATION_LASER,
+            i == 0 ? "a test" : "its line on a board in photographs", 7, "abc", NULL);
+        for (int k = 0; k < 4; k++)
+            g_ptr_array_add(laser->rejected, g_strdup("blurred"));
+        g_assert_true(calibration_write(calibration, path, NULL));
+        g_free(RUN(0, "calibrate", "report", path, "-o", html));
+        g_assert_true(g_file_get_contents(html, &page, NULL, NULL));
+        g_assert_cmpint(strstr(page, "<li>laser: more sweeps were left out (4) than used") != NULL,
+                        ==, i == 0);
+    }
     g_free(RUN(2, "calibrate", "radiometry", "tile.session", "-o", path));
     g_autofree char *percent = RUN(2, "calibrate", "radiometry", "t", "-r", "96", "-o", path);
     assert_has(percent, "96 is out of range: 0.05 to 1.2; for 96 % write 0.96");
