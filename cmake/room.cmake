@@ -1,6 +1,6 @@
 # A room: a folder, a static library room_NAME of its sources, and an include path under its name
-# (#include "NAME/header.h"). It sees the headers of the rooms in USES and of nothing else;
-# ARCHITECTURE.md has the table of what each may use, and the test "rooms" holds the code against it.
+# (#include "NAME/header.h"). It may include headers of the rooms in USES only.
+# ARCHITECTURE.md has the table of what each may use. The test "rooms" compares the code with it.
 #
 #   mesorig_room(FOLDER [FOLDERS sub-folder…] [USES room…] [LIBRARIES library…] [WITHOUT source…])
 #

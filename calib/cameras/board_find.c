@@ -19,7 +19,7 @@
 /* Largest deviation of a neighbour from its predicted place, in sides of a marker. */
 #define BESIDE_OFF     0.25
 #define ANY_PX         1e6 /* tolerance of a homography that accepts all points */
-#define STEPS_A_SQUARE 8   /* points per square that are compared when the board is searched */
+#define STEPS_A_SQUARE 8   /* points along each side of a square that are compared in the search */
 /* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
 #define STEP_MM 0.01 /* step of numerical derivatives */

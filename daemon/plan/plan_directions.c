@@ -132,7 +132,8 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
  * Considers only devices at the polar angle of the direction that are not fixed, and returns −1 if
  * there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
  * preferred whose angle is already in angles, so that no pose is added. If the rig has no
- * turntable, the device must already stand near the direction. */
+ * turntable, a camera that stands near the direction gets the angle 0. A camera that does not can
+ * also be returned. Its angle is not 0, and the caller refuses it. */
 static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,
                   const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;

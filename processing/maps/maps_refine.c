@@ -15,8 +15,8 @@
 struct maps_refiner {
     const struct maps_pairs *pairs;
     const struct maps_layers *layers;
-    int n; /* number of pairs with a value, in the order of `used` */
-    int *used;
+    int n;       /* number of pairs with a value */
+    int *used;   /* n; the index of each of them in pairs. The arrays below are in this order. */
     double area; /* Σ a_i */
     /* For each pair with a value: L*, a* and b* of the value, the factors of their differences, the
      * weight a_i, the share of the light that the layers leave, and the light that they add. */

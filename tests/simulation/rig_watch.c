@@ -19,7 +19,8 @@ gboolean rig_watch_begin(struct rig_watch *watch, struct scene *scene, const str
     return watch->world != NULL;
 }
 
-/* A laser with such a fault cannot be switched off; whoever is told so knows. */
+/* A laser that stays on cannot be switched off. One that does not answer is excused if the operator
+ * was told. */
 static gboolean is_excused(const struct rig_watch *watch, const char *laser) {
     g_autofree char *section = g_strdup_printf("[laser %s]", laser);
     for (int i = 0; i < watch->life->n_devices; i++) {
