@@ -84,12 +84,13 @@ int mesorig_material_directions(const mesorig_material *material, float *ret_vie
  * pixel's footprint in tiles, 0 for a point; NULL means all 0. ret_rgb is n × 3 (R, G, B), not
  * negative.
  *
- * Between texels, values are interpolated bilinearly. If there is a footprint, values are averaged
- * over a square of its width. In a square wider than 16 texels, 16 × 16 texels count. If the file
- * has mip levels, the two nearest levels are mixed instead. Between measured directions, values are
- * interpolated (bilinear in θ and φ, or in a triangle). For lights below the lowest measured one,
- * values fall in proportion to cos θ. Models with a formula evaluate it. The result is 0 if a view
- * or light is below the horizon, or if an argument is not finite. */
+ * Between texels, values are interpolated bilinearly. Neural planes are evaluated at the point
+ * itself, with one ray in their relief, and always have mip levels. If there is a footprint, values
+ * are averaged over a square of its width. In a square wider than 16 texels, 16 × 16 texels count.
+ * If the file has mip levels, the two nearest levels are mixed instead. Between measured
+ * directions, values are interpolated (bilinear in θ and φ, or in a triangle). For lights below the
+ * lowest measured one, values fall in proportion to cos θ. Models with a formula evaluate it. The
+ * result is 0 if a view or light is below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
                               const float *view, const float *light, const float *footprint,
                               float *ret_rgb);

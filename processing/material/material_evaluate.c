@@ -60,6 +60,11 @@ static void material_evaluate_level(const mesorig_material *m, guint level, doub
                                     float ret[COLOURS]) {
     gconstpointer model = m->levels->pdata[level];
     const struct btf_layout *layout = G_STRUCT_MEMBER_P(model, m->codec->layout);
+    if (width == 0 && m->codec->evaluate_point) {
+        m->codec->evaluate_point(model, query, u * (double)layout->width,
+                                 v * (double)layout->height, share, ret);
+        return;
+    }
     struct material_axis x, y;
     int index[(ACROSS + 2) * (ACROSS + 2)], n = 0;
     float shares[G_N_ELEMENTS(index)];

@@ -1,6 +1,7 @@
 // Neural planes; codecs/neural/neural.h defines the formulas, and neural_view.h the textures.
-// N_CHANNELS, N_LEVELS, N_RAYS (4 or 1), NEAREST and the numbers of the network are constants. All
-// lengths are in texels of the mip level that is evaluated.
+// N_CHANNELS, N_LEVELS, N_RAYS, NEAREST and the numbers of the network are constants. N_RAYS is 1
+// for the colour of a point, and 4 for that of a texel. All lengths are in texels of the mip level
+// that is evaluated.
 uniform sampler2DArray surface; // four channels per layer, 0 … 1
 uniform sampler2D heights;      // bytes, 0 … 255
 uniform sampler2DArray planes;  // halves: layers 0 and 1; differences: layers 2 and 3

@@ -41,7 +41,7 @@ export class NeuralPlanes {
 
   get constants() {
     return `#define N_CHANNELS ${this.material.neural.channels}\n#define N_LEVELS ${this.levels}\n` +
-      `#define N_RAYS 4\n#define NEAREST 0\n${this.network}`;
+      `#define N_RAYS 1\n#define NEAREST 0\n${this.network}`;
   }
 
   get uniforms() {

@@ -34,9 +34,9 @@ static void draw_direction(GRand *random, float ret[3]) {
     ret[2] = (float)z;
 }
 
-/* Returns the time in ns of a colour on one thread. `shared` colours have the same place and view
- * one after another. */
-static double time_evaluation(const struct neural *neural, int shared) {
+/* Returns the time in ns of a colour of texels or points on one thread. `shared` colours have the
+ * same place and view one after another. */
+static double time_evaluation(const struct neural *neural, gboolean points, int shared) {
     struct neural_sample *samples = g_new0(struct neural_sample, COLOURS);
     g_autofree float *colours = g_new(float, (gsize)3 * COLOURS);
     GRand *random = g_rand_new_with_seed(1);
@@ -52,7 +52,7 @@ static double time_evaluation(const struct neural *neural, int shared) {
     }
     for (int round = 0; round < 5; round++) {
         const double begun_s = bench_cpu_s();
-        neural_evaluate(neural, samples, COLOURS, colours);
+        (points ? neural_evaluate_points : neural_evaluate)(neural, samples, COLOURS, colours);
         best = MIN(best, 1e9 * (bench_cpu_s() - begun_s) / COLOURS);
     }
     g_rand_free(random);
@@ -83,10 +83,11 @@ static void measure(const struct bench *bench, int n_channels, double per_texel)
     const double bytes = (double)neural_bytes(neural) / (double)btf_layout_texels(&neural->layout);
     bench_row(NULL,
               "%d{channels} %.0f{samples} %.1f{bytes_per_texel} %.2f{error_pct} %.2f{seen_pct} "
-              "%.2f{psnr_db} %.4f{flip} %.1f{cpu_s} %.1f{wall_s} %.0f{ns} %.0f{ns_shared}",
+              "%.2f{psnr_db} %.4f{flip} %.1f{cpu_s} %.1f{wall_s} %.0f{ns} %.0f{ns_shared} "
+              "%.0f{ns_point}",
               n_channels, per_texel, bytes, 100 * found->all.error, 100 * neural->error,
-              found->all.psnr_db, found->flip, spent_s, wall_s, time_evaluation(neural, 1),
-              time_evaluation(neural, 64));
+              found->all.psnr_db, found->flip, spent_s, wall_s, time_evaluation(neural, FALSE, 1),
+              time_evaluation(neural, FALSE, 64), time_evaluation(neural, TRUE, 1));
     comparison_free(found);
     neural_free(neural);
 }

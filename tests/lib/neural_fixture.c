@@ -53,15 +53,18 @@ struct neural *neural_fixture_new(int width, int height, int n_channels, double 
 }
 
 /* A bilinear read of channel k of a plane of bytes at the texture coordinates (u, v), without the
- * scale. */
-static double read_at(const guint8 *plane, int columns, int rows, int channels, int k, double u,
-                      double v) {
+ * scale. The plane repeats, or is clamped to the edge. */
+static double read_at(const guint8 *plane, int columns, int rows, int channels, int k,
+                      gboolean repeats, double u, double v) {
     const double x = u * columns - 0.5, y = v * rows - 0.5;
     double sum = 0;
     for (int corner = 0; corner < 4; corner++) {
         const double i = floor(x) + (corner & 1), j = floor(y) + (corner & 2 ? 1 : 0);
         const double share = (1 - fabs(x - i)) * (1 - fabs(y - j));
-        const int column = (int)CLAMP(i, 0, columns - 1), row = (int)CLAMP(j, 0, rows - 1);
+        const double row_of = repeats ? j - rows * floor(j / rows) : CLAMP(j, 0, rows - 1);
+        const double column_of =
+            repeats ? i - columns * floor(i / columns) : CLAMP(i, 0, columns - 1);
+        const int row = (int)row_of, column = (int)column_of;
         sum += share * plane[(row * columns + column) * channels + k];
     }
     return sum;
@@ -71,13 +74,14 @@ static double scaled(struct neural_scale scale, double byte) {
     return (double)scale.minimum + (double)scale.step * byte;
 }
 
-static double height_at(const struct neural *m, double x, double y) {
+static double height_at(const struct neural *m, gboolean point, double x, double y) {
     const int w = (int)m->layout.width, h = (int)m->layout.height;
-    return scaled(m->height_scale, read_at(m->heights, 2 * w, 2 * h, 1, 0, x / w, y / h)) /
+    return scaled(m->height_scale, read_at(m->heights, 2 * w, 2 * h, 1, 0, point, x / w, y / h)) /
            m->layout.texel_mm;
 }
 
-static void end_of(const struct neural *m, double x, double y, const double v[3], double ret[2]) {
+static void end_of(const struct neural *m, gboolean point, double x, double y, const double v[3],
+                   double ret[2]) {
     const double top = scaled(m->height_scale, 255) / m->layout.texel_mm;
     const double bottom = scaled(m->height_scale, 0) / m->layout.texel_mm;
     const double wx = v[0] / fmax(v[2], 0.05), wy = -v[1] / fmax(v[2], 0.05);
@@ -85,13 +89,13 @@ static void end_of(const struct neural *m, double x, double y, const double v[3]
     const float steps = ceilf((float)(4 * (top - bottom) * fmax(1, hypot(wx, wy))));
     const int n = CLAMP((int)steps, 1, 64);
     int k = 0;
-    while (height_at(m, x + wx * (top - (top - bottom) * k / n),
+    while (height_at(m, point, x + wx * (top - (top - bottom) * k / n),
                      y + wy * (top - (top - bottom) * k / n)) < top - (top - bottom) * k / n)
         k++;
     double low = top - (top - bottom) * k / n, high = top - (top - bottom) * MAX(k - 1, 0) / n;
     for (int i = 0; i < 5; i++) {
         const double middle = (low + high) / 2;
-        const gboolean under = height_at(m, x + wx * middle, y + wy * middle) >= middle;
+        const gboolean under = height_at(m, point, x + wx * middle, y + wy * middle) >= middle;
         low = under ? middle : low;
         high = under ? high : middle;
     }
@@ -99,61 +103,63 @@ static void end_of(const struct neural *m, double x, double y, const double v[3]
     ret[1] = y + wy * low;
 }
 
-static void light_at(const struct neural *m, double x, double y, const double l[3],
+static void light_at(const struct neural *m, gboolean point, double x, double y, const double l[3],
                      double inputs[3]) {
     const double top = scaled(m->height_scale, 255) / m->layout.texel_mm;
     const double bottom = scaled(m->height_scale, 0) / m->layout.texel_mm;
-    const double c = fmax(hypot(l[0], l[1]), 1e-4), r = l[2] / c, z = height_at(m, x, y);
+    const double c = fmax(hypot(l[0], l[1]), 1e-4), r = l[2] / c, z = height_at(m, point, x, y);
     double highest = r - 1, t = 0.375;
     for (int k = 0; k < 64 && t <= (top - bottom) / fmax(r, 0.05) + 0.5 && top - z > highest * t;
          k++) {
-        const double there = height_at(m, x + l[0] / c * t, y - l[1] / c * t);
+        const double there = height_at(m, point, x + l[0] / c * t, y - l[1] / c * t);
         highest = fmax(highest, (there - z) / t);
         t += fmax(0.25, t / 16);
     }
     double s = 0, down = 0; /* slopes along x and y */
     for (int corner = 0; corner < 4; corner++) {
         const double right = corner % 2 ? 0.375 : -0.375, below = corner / 2 ? 0.375 : -0.375;
-        const double there = height_at(m, x + right, y + below);
+        const double there = height_at(m, point, x + right, y + below);
         s += there * (right > 0 ? 1 : -1) / 1.5;
         down += there * (below > 0 ? 1 : -1) / 1.5;
     }
     const double cosine = (l[2] - s * l[0] + down * l[1]) / sqrt(1 + s * s + down * down);
     const double clear = CLAMP(r - highest, -1, 1), lit = CLAMP(0.5 + 10 * clear, 0, 1);
-    inputs[0] += fmax(cosine, 0) * lit / 4;
-    inputs[1] += lit / 4;
-    inputs[2] += clear / 4;
+    inputs[0] += fmax(cosine, 0) * lit;
+    inputs[1] += lit;
+    inputs[2] += clear;
 }
 
 static double soft(double y) {
     return log1p(exp(4 * y)) / 4;
 }
 
-void neural_formula(const struct neural *m, double x, double y, const double v[3],
+static void formula(const struct neural *m, gboolean point, double x, double y, const double v[3],
                     const double l[3], double ret[3]) {
-    const int channels = m->n_channels, n_inputs = channels + 19;
+    const int channels = m->n_channels, n_inputs = channels + 19, rays = point ? 1 : 4;
     const int w = (int)m->layout.width, h = (int)m->layout.height;
     double values[3][NEURAL_MAX_INPUTS] = {{0}}, *inputs = values[0];
-    for (int ray = 0; ray < 4; ray++) {
+    for (int ray = 0; ray < rays; ray++) {
+        const double apart = point ? 0 : 0.25;
         double end[2];
-        end_of(m, x + (ray % 2 ? 0.25 : -0.25), y + (ray / 2 ? 0.25 : -0.25), v, end);
+        end_of(m, point, x + (ray % 2 ? apart : -apart), y + (ray / 2 ? apart : -apart), v, end);
         for (int k = 0; k < channels; k++)
-            inputs[k] += scaled(m->surface_scales[k],
-                                read_at(m->surface, w, h, channels, k, end[0] / w, end[1] / h)) /
-                         4;
-        light_at(m, end[0], end[1], l, inputs + channels + 16);
+            inputs[k] += scaled(m->surface_scales[k], read_at(m->surface, w, h, channels, k, point,
+                                                              end[0] / w, end[1] / h));
+        light_at(m, point, end[0], end[1], l, inputs + channels + 16);
     }
+    for (int k = 0; k < n_inputs; k++)
+        inputs[k] /= rays;
     double g[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
     const double length = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
     for (int i = 0; i < 3; i++)
         g[i] /= length;
     const double scale = (l[0] * g[0] + l[1] * g[1]) / (1 + g[2]) + l[2];
     for (int k = 0; k < 8; k++) {
-        inputs[channels + k] = scaled(
-            m->half_scales[k], read_at(m->halves, 8, 8, 8, k, (g[0] + 1) / 2, (g[1] + 1) / 2));
+        inputs[channels + k] = scaled(m->half_scales[k], read_at(m->halves, 8, 8, 8, k, FALSE,
+                                                                 (g[0] + 1) / 2, (g[1] + 1) / 2));
         inputs[channels + 8 + k] =
             scaled(m->difference_scales[k],
-                   read_at(m->differences, 8, 8, 8, k, (l[0] - g[0] * scale + 1) / 2,
+                   read_at(m->differences, 8, 8, 8, k, FALSE, (l[0] - g[0] * scale + 1) / 2,
                            (l[1] - g[1] * scale + 1) / 2));
     }
     const guint8 *weight = m->weights;
@@ -170,4 +176,14 @@ void neural_formula(const struct neural *m, double x, double y, const double v[3
     }
     for (int c = 0; c < 3; c++)
         ret[c] = soft(outputs[c]) * inputs[channels + 16] + 0.3 * soft(outputs[3 + c] - 1);
+}
+
+void neural_formula(const struct neural *neural, double x, double y, const double view[3],
+                    const double light[3], double ret[3]) {
+    formula(neural, FALSE, x, y, view, light, ret);
+}
+
+void neural_formula_point(const struct neural *neural, double x, double y, const double view[3],
+                          const double light[3], double ret[3]) {
+    formula(neural, TRUE, x, y, view, light, ret);
 }

@@ -9,6 +9,9 @@
 struct neural *neural_fixture_new(int width, int height, int n_channels, double depth_mm,
                                   guint32 seed);
 
-/* The colour at (x, y), in texels. */
+/* The colour of the texel at (x, y), in texels: from four rays, with places clamped to the edge. */
 void neural_formula(const struct neural *neural, double x, double y, const double view[3],
                     const double light[3], double ret[3]);
+/* The colour of the point (x, y): from one ray. The material repeats. */
+void neural_formula_point(const struct neural *neural, double x, double y, const double view[3],
+                          const double light[3], double ret[3]);

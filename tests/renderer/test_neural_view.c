@@ -1,4 +1,5 @@
-/* Pictures of neural planes against neural_formula(), pixel by pixel. */
+/* Pictures of neural planes against neural_formula_point() and libmesorig-material, pixel by pixel.
+ */
 #include "base/direction.h"
 #include "btf/direction_grid.h"
 #include "drawing/methods/neural_view.h"
@@ -8,11 +9,12 @@
 #include "lib/remove_tree.h"
 #include "metrics/delta_e.h"
 
+#include <mesorig/material.h>
 #include <string.h>
 
 #define TEXELS 24
 #define DEEP   0.8 /* mm; a texel is 0.5 mm */
-#define MARGIN 6   /* texels at the edge, where the formula is clamped and a picture repeats */
+#define MARGIN 6   /* texels at the edge, at which the even sky is computed without repeats */
 #define SKY    16  /* lights of the sky in each of two dimensions */
 
 /* One light, or the mean over an even sky. */
@@ -29,19 +31,19 @@ static void expected(const struct neural *neural, const float *at, const float *
         if (sky)
             direction_grid_direction((column + 0.5) / SKY, (row + 0.5) / SKY, d);
         const double light[3] = {(double)d[0], (double)d[1], (double)d[2]};
-        neural_formula(neural, x, y, view, light, rgb);
+        neural_formula_point(neural, x, y, view, light, rgb);
         for (int c = 0; c < 3; c++)
             ret[c] += rgb[c] * (sky ? 2.0 / (SKY * SKY) : light[2] > 0);
     }
 }
 
-/* Whether the pixel shows a place away from the edges of a tile, at mip level 0: its neighbours are
- * closer than 2^(1/4) texels. */
-static gboolean counts(const float *at, gsize k) {
+/* Whether the pixel shows a place away from the edges of a tile by a margin, at mip level 0: its
+ * neighbours are closer than 2^(1/4) texels. */
+static gboolean counts(const float *at, float margin, gsize k) {
     gboolean ret = at[k + 3] > 0;
     for (int c = 0; c < 2; c++) {
         const float place = (at[k + c] - floorf(at[k + c])) * TEXELS;
-        ret &= place > MARGIN && place < TEXELS - MARGIN;
+        ret &= place >= margin && place <= TEXELS - margin;
     }
     const gsize steps[] = {4, 4 * SIZE};
     for (int i = 0; i < 2; i++)
@@ -65,7 +67,8 @@ static double difference(const struct neural *neural, Viewer *view,
             ok(viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, ERR));
     for (gsize k = 4 * (SIZE + 1); k < 4 * (SIZE - 1) * SIZE; k += 4 * (gsize)step) {
         double want[3], lab[2][3];
-        if (shown[k + 3] <= 0 || given[1][k + 2] < 0.2F || !counts(given[0], k))
+        if (shown[k + 3] <= 0 || given[1][k + 2] < 0.2F ||
+            !counts(given[0], settings->ambient > 0 ? MARGIN : 0, k))
             continue;
         expected(neural, given[0] + k, given[1] + k, given[2] + k, settings->ambient > 0, want);
         delta_e_lab(shown + k, lab[0]);
@@ -131,6 +134,75 @@ GPU_TEST(sky) {
     settings.lamp = 0;
     settings.camera_elevation_deg = 50;
     g_assert_cmpfloat(difference(neural, view, &settings, 11), <, 5);
+    neural_free(neural);
+}
+
+/* The longer side of a pixel, in tiles. at points to the pixel's place in a picture of places. */
+static float footprint_of(const float *at) {
+    const float *right = at + 4, *below = at + (gsize)4 * SIZE;
+    return fmaxf(hypotf(right[0] - at[0], right[1] - at[1]),
+                 hypotf(below[0] - at[0], below[1] - at[1]));
+}
+
+/* Returns the mean difference between a picture and the library, in ΔE00, and gives the share of
+ * the pixels that differ by more than 0.5. */
+static double differ(Viewer *view, const struct viewer_settings *settings,
+                     const mesorig_material *material, double *ret_share) {
+    g_autofree float *shown = ok(viewer_render_linear(view, settings, SIZE, SIZE, ERR));
+    float *given[3];
+    double sum = 0, pixel_texels = 0;
+    int n = 0, above = 0;
+    for (int k = 0; k < 3; k++)
+        given[k] =
+            ok(viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, ERR));
+    for (gsize k = 4 * (SIZE + 1); k < 4 * (SIZE - 1) * SIZE; k += 4) {
+        float rgb[3];
+        double lab[2][3];
+        if (shown[k + 3] <= 0 || given[0][k + 7] <= 0 || given[0][k + 4 * SIZE + 3] <= 0)
+            continue;
+        const float footprint = footprint_of(given[0] + k);
+        g_assert_cmpint(mesorig_material_evaluate(material, 1, given[0] + k, given[1] + k,
+                                                  given[2] + k, &footprint, rgb),
+                        ==, MESORIG_OK);
+        delta_e_lab(shown + k, lab[0]);
+        delta_e_lab(rgb, lab[1]);
+        const double apart = delta_e_2000(lab[0], lab[1]);
+        above += apart > 0.5;
+        pixel_texels += (double)footprint * TEXELS;
+        sum += apart;
+        n++;
+    }
+    g_assert_cmpint(n, >, 100);
+    *ret_share = (double)above / n;
+    g_test_message("pixels of %.2f texels: ΔE00 %.3f on average, above 0.5 in %.2f %%",
+                   pixel_texels / n, sum / n, 100 * *ret_share);
+    for (int k = 0; k < 3; k++)
+        g_free(given[k]);
+    return sum / n;
+}
+
+/* The library draws as the viewer does: points of the material, and mip levels, which this file
+ * lacks. */
+GPU_TEST(library) {
+    g_autoptr(Mesh) plane = scene_plane();
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "neural.exr", NULL);
+    struct neural *neural = neural_fixture_new(TEXELS, TEXELS, 8, DEEP / 2, 7);
+    struct viewer_settings settings;
+    double share;
+    ok(neural_write(path, &neural, 1, ERR));
+    g_autoptr(Viewer) view = open_view(neural, plane, &settings);
+    mesorig_material *material = mesorig_material_open(path, NULL, NULL);
+    g_assert_nonnull(material);
+    settings.camera_elevation_deg = 60;
+    settings.light_theta_deg = 40;
+    settings.light_phi_deg = 110;
+    /* A ray that touches an edge may miss it on one of the two. */
+    g_assert_cmpfloat(differ(view, &settings, material, &share), <, 0.05);
+    g_assert_cmpfloat(share, <, 0.002);
+    settings.tiles_u = settings.tiles_v = 6;
+    g_assert_cmpfloat(differ(view, &settings, material, &share), <, 0.5);
+    mesorig_material_close(material);
     neural_free(neural);
 }
 

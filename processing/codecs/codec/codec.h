@@ -149,12 +149,18 @@ struct codec {
      * direction_grid.h, or 0 if they are the measured directions. */
     int (*grid)(gconstpointer model);
     gsize error; /* offset of the relative RMS error (double) in a model; 0 if there is none */
-    /* Optional. Reads all mip levels of a file: models from level 0 on, with a free function. NULL
-     * if the files of the codec have only level 0. */
+    /* Optional. Reads all mip levels of a file: models from level 0 on, with a free function. It
+     * may compute levels that the file lacks. NULL if the files of the codec have only level 0. */
     GPtrArray *(*read_levels)(const char *path, GError **error);
 
     /* Encodes the BTF of a job as models of several sizes, and calls tell() for each. Stops when
      * tell() fails. The job has no options, memory or checkpoint. */
     gboolean (*curve)(const struct codec *codec, const struct codec_job *job, CodecPoint tell,
                       gpointer data, GError **error);
+
+    /* Optional. Adds share · B(x, y, view, light) to ret (R, G, B), where B is the value of a point
+     * as renderers draw it. Texel (i, j) has its centre at (i + ½, j + ½), and the material
+     * repeats. If NULL, the value of a point is mixed from those of the four texels around it. */
+    void (*evaluate_point)(gconstpointer model, const struct codec_query *query, double x, double y,
+                           float share, float ret[3]);
 };

@@ -41,7 +41,7 @@ struct neural_numbers *neural_numbers_new(int width, int height, int n_channels)
     numbers->height = height;
     numbers->n_channels = n_channels;
     numbers->surface = g_new0(float, texels *(gsize)n_channels);
-    numbers->heights = g_new0(float, 4 * texels);
+    numbers->heights = g_new0(float, (2 * (gsize)width + 1) * (2 * (gsize)height + 1));
     return numbers;
 }
 
@@ -61,6 +61,18 @@ static void decode(const guint8 *bytes, gsize n, const struct neural_scale *scal
             ret[i * n_scales + k] = scales[k].minimum + scales[k].step * bytes[i * n_scales + k];
 }
 
+/* Decodes the heights, with a copy of the first row and column behind the last. */
+static void decode_heights(const struct neural *neural, const struct neural_scale *scale,
+                           float *ret) {
+    const gsize columns = 2 * neural->layout.width, rows = 2 * neural->layout.height;
+    for (gsize row = 0; row <= rows; row++) {
+        const guint8 *from = neural->heights + row % rows * columns;
+        float *to = ret + row * (columns + 1);
+        decode(from, columns, scale, 1, to);
+        to[columns] = to[0];
+    }
+}
+
 void neural_prepare(struct neural *neural) {
     const int channels = neural->n_channels, inputs = neural_inputs(channels);
     const gsize texels = btf_layout_texels(&neural->layout);
@@ -72,7 +84,7 @@ void neural_prepare(struct neural *neural) {
     struct neural_numbers *to = neural->numbers =
         neural_numbers_new((int)neural->layout.width, (int)neural->layout.height, channels);
     decode(neural->surface, texels, neural->surface_scales, (gsize)channels, to->surface);
-    decode(neural->heights, 4 * texels, &height, 1, to->heights);
+    decode_heights(neural, &height, to->heights);
     to->bottom = height.minimum;
     to->top = height.minimum + height.step * 255;
     decode(neural->halves, plane, neural->half_scales, NEURAL_PLANE_CHANNELS, to->halves);

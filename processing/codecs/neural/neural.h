@@ -20,7 +20,7 @@
  *   surface at a place (x, y)        texture coordinates (x / width, y / height)
  *   H(x, y), the height              the same coordinates; the map has 2 width × 2 height cells
  *   halves, differences at (a, b)    texture coordinates ((a + 1) / 2, (b + 1) / 2)
- * A renderer that repeats the material may use GL_REPEAT for surface and heights.
+ * For points, surface and heights repeat, as with GL_REPEAT.
  *
  * 1. Rays. The colour at (x, y) is computed from four rays, which meet the reference plane z = 0 at
  *    (x ± ¼, y ± ¼). For each ray, with w = (v.x, −v.y) / max(v.z, 0.05), q(z) = (x ± ¼, y ± ¼) + w
@@ -56,8 +56,10 @@
  *    where shade is the input of the network, the mean over the rays. It contains n·l, as all
  *    values of a BTF do, and is never negative.
  *
- * With fewer rays at other places the result is that of another footprint: a renderer that has the
- * footprint of a pixel may take its rays from there. One ray at (x, y) costs a quarter.
+ * Points. These are the colours of texels, for which the model is fitted. A renderer evaluates a
+ * point (x, y): the same with one ray, which meets the reference plane at (x, y). A pixel that is
+ * smaller than a texel is the point at its middle, and a larger pixel is that point of a mip level.
+ * docs/lab/rendering.md compares points and texels with captures.
  *
  * Mip levels. A level has half the texels of the level before in each dimension, and the same
  * minimum and step of each channel. Its bytes are the rounded means of the bytes of the level
@@ -158,6 +160,10 @@ struct neural_sample {
  * rays, and are faster. Several threads may call the function. */
 void neural_evaluate(const struct neural *neural, const struct neural_sample *samples, gsize n,
                      float *ret);
+/* Evaluates n colours of points: with one ray, which meets the reference plane at (x, y). The
+ * material repeats. For renderers; the colours that neural_evaluate() gives are those of texels. */
+void neural_evaluate_points(const struct neural *neural, const struct neural_sample *samples,
+                            gsize n, float *ret);
 
 /* Give the unit vectors from the centre of a texel to the camera of a view and to a lamp: those of
  * camera_mm and lamp_mm, or those of the layout. view and light are indices of the layout. */

@@ -60,6 +60,13 @@ static gboolean check_error(const struct neural *neural, double target, GError *
     return FALSE;
 }
 
+/* Adds the mip levels after those that the array has. */
+static void add_levels(GPtrArray *levels) {
+    struct neural *last = levels->pdata[levels->len - 1];
+    while (levels->len < NEURAL_MAX_LEVELS && (last = neural_halved(last)) != NULL)
+        g_ptr_array_add(levels, last);
+}
+
 static gboolean encode(const struct codec *codec, const struct codec_job *job,
                        struct codec_result *ret, GError **error) {
     const struct neural_codec_options *asked = job->options;
@@ -80,12 +87,10 @@ static gboolean encode(const struct codec *codec, const struct codec_job *job,
     ret->error = neural->error;
     ret->exact_error = neural->exact_error;
     ret->luminance_error = neural->luminance_error;
-    const struct neural *first = neural;
     g_ptr_array_add(ret->levels, neural);
-    while (asked->mips && ret->levels->len < NEURAL_MAX_LEVELS &&
-           (neural = neural_halved(neural)) != NULL)
-        g_ptr_array_add(ret->levels, neural);
-    return check_error(first, asked->error, error);
+    if (asked->mips)
+        add_levels(ret->levels);
+    return check_error(neural, asked->error, error);
 }
 
 static char *describe(const struct codec *codec, const struct codec_result *result) {
@@ -146,12 +151,27 @@ static void evaluate(gconstpointer model, const struct codec_query *query,
             ret[c] += texels->share[k] * colours[3 * k + c];
 }
 
+static void evaluate_point(gconstpointer model, const struct codec_query *query, double x, double y,
+                           float share, float ret[3]) {
+    const struct neural_sample sample = {(float)x,
+                                         (float)y,
+                                         {query->view[0], query->view[1], query->view[2]},
+                                         {query->light[0], query->light[1], query->light[2]}};
+    float colour[3];
+    neural_evaluate_points(model, &sample, 1, colour);
+    for (int c = 0; c < 3; c++)
+        ret[c] += share * colour[c];
+}
+
+/* Reads the mip levels, and makes those that the file lacks, as the viewer does. */
 static GPtrArray *read_levels(const char *path, GError **error) {
     struct neural *levels[NEURAL_MAX_LEVELS] = {NULL};
     const int n = neural_read_levels(path, levels, error);
     GPtrArray *ret = n ? g_ptr_array_new_with_free_func((GDestroyNotify)neural_free) : NULL;
     for (int i = 0; i < n; i++)
         g_ptr_array_add(ret, levels[i]);
+    if (ret)
+        add_levels(ret);
     return ret;
 }
 
@@ -202,4 +222,5 @@ const struct codec neural_codec = {
     .error = G_STRUCT_OFFSET(struct neural, error),
     .read_levels = read_levels,
     .curve = curve,
+    .evaluate_point = evaluate_point,
 };

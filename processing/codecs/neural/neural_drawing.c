@@ -149,7 +149,7 @@ static void compute_row(int block, gpointer data) {
         direction_grid_direction(((double)from_column + 0.5) / SKY_LIGHTS,
                                  ((double)from_row + 0.5) / SKY_LIGHTS, samples[i].light);
     }
-    neural_evaluate(sky->neural, samples, width * n_lights, colours);
+    neural_evaluate_points(sky->neural, samples, width * n_lights, colours);
     float *ret = sky->values + 3 * (gsize)block * width;
     for (gsize i = 0; i < 3 * width * n_lights; i++)
         ret[3 * (i / (3 * n_lights)) + i % 3] += colours[i] * 2 / (float)n_lights;

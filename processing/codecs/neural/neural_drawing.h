@@ -18,8 +18,9 @@ char *neural_shader_network(const struct neural *neural);
 void neural_shader_planes(const struct neural *neural, float *ret);
 
 /* Computes the reflectance under an even sky, (1/π) ∫ B dω, as the sum over 16 lights: views ×
- * height × width × R, G, B. A value belongs to the end of a ray at the centre of a texel. The views
- * are the middles of NEURAL_SKY × NEURAL_SKY cells of the square of directions.glsl, row by row. If
- * the model has many texels, the sky is that of a coarser mip level, whose size is set. g_free() */
+ * height × width × R, G, B. A value is that of a point: the end of a ray at the centre of a texel.
+ * The views are the middles of NEURAL_SKY × NEURAL_SKY cells of the square of directions.glsl, row
+ * by row. If the model has many texels, the sky is that of a coarser mip level, whose size is set.
+ * g_free() */
 #define NEURAL_SKY 3
 float *neural_shader_sky(const struct neural *neural, int *ret_width, int *ret_height);

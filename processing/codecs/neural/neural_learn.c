@@ -32,7 +32,7 @@ void neural_learn(const struct neural_numbers *numbers, const float *transposed,
     const int channels = numbers->n_channels;
     struct neural_gradient *to = &lesson->gradient;
     struct neural_batch batch;
-    neural_set_inputs(numbers, lesson->queries, NEURAL_BATCH, &batch);
+    neural_set_inputs(numbers, FALSE, lesson->queries, NEURAL_BATCH, &batch);
     neural_run_back(numbers, transposed, share, &batch, lesson);
     memset(to->halves, 0, sizeof to->halves);
     memset(to->differences, 0, sizeof to->differences);

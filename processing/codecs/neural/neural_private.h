@@ -12,7 +12,8 @@ struct neural_numbers {
     int width, height, n_channels;
     float top, bottom; /* heights of the bytes 255 and 0 */
     float *surface;    /* height × width × n_channels */
-    float *heights;    /* 2 height × 2 width */
+    /* (2 height + 1) × (2 width + 1): the last row and column are copies of the first */
+    float *heights;
     float halves[NEURAL_PLANE_VALUES], differences[NEURAL_PLANE_VALUES];
     float weights[NEURAL_MAX_WEIGHTS], biases[NEURAL_ROWS];
 };
@@ -25,10 +26,24 @@ struct neural_taps {
     int at[4];
     float weight[4];
 };
-/* u and v are texture coordinates 0 … 1 of a plane of columns × rows. */
-void neural_taps(float u, float v, int columns, int rows, struct neural_taps *ret);
+/* u and v are texture coordinates of a plane of columns × rows. The read is clamped to the edge. */
+static inline void neural_taps(float u, float v, int columns, int rows, struct neural_taps *ret) {
+    const float x = CLAMP(u * (float)columns - 0.5F, 0, (float)(columns - 1));
+    const float y = CLAMP(v * (float)rows - 0.5F, 0, (float)(rows - 1));
+    const int i = (int)x, j = (int)y;
+    const int right = i + 1 < columns, down = j + 1 < rows ? columns : 0;
+    const float a = x - (float)i, b = y - (float)j;
+    ret->at[0] = j * columns + i;
+    ret->at[1] = ret->at[0] + right;
+    ret->at[2] = ret->at[0] + down;
+    ret->at[3] = ret->at[2] + right;
+    ret->weight[0] = (1 - a) * (1 - b);
+    ret->weight[1] = a * (1 - b);
+    ret->weight[2] = (1 - a) * b;
+    ret->weight[3] = a * b;
+}
 
-/* The ends of the rays of neural.h, step 1, in texels. */
+/* The ends of the rays of neural.h, step 1, in texels. A point has only the first. */
 struct neural_ends {
     float x[NEURAL_RAYS], y[NEURAL_RAYS];
 };
@@ -40,10 +55,11 @@ struct neural_query {
     float half[2], difference[2];     /* (g.x, g.y) and f of step 3 */
     float light[NEURAL_LIGHT_INPUTS]; /* shade, lit and clear of step 2: means over the rays */
 };
-/* Makes the queries of n ≤ NEURAL_BATCH samples. A sample with the place and the view of the sample
- * before shares its ends. */
-void neural_make_queries(const struct neural_numbers *numbers, const struct neural_sample *samples,
-                         int n, struct neural_query *ret);
+/* Makes the queries of n ≤ NEURAL_BATCH samples, n > 0. The colour of a point has one ray, and the
+ * material repeats. That of a texel has NEURAL_RAYS rays, and places are clamped to the edge. A
+ * sample with the place and the view of the sample before shares its ends. */
+void neural_make_queries(const struct neural_numbers *numbers, gboolean points,
+                         const struct neural_sample *samples, int n, struct neural_query *ret);
 
 /* All values of a batch on their way through the network: rows of NEURAL_BATCH samples. */
 struct neural_batch {
@@ -53,9 +69,9 @@ struct neural_batch {
     float colours[3][NEURAL_BATCH];
 } __attribute__((aligned(64)));
 
-/* Sets the inputs of the first n samples. */
-void neural_set_inputs(const struct neural_numbers *numbers, const struct neural_query *queries,
-                       int n, struct neural_batch *batch);
+/* Sets the inputs of the first n samples. points is as for neural_make_queries(). */
+void neural_set_inputs(const struct neural_numbers *numbers, gboolean points,
+                       const struct neural_query *queries, int n, struct neural_batch *batch);
 /* Steps 4 and 5: from inputs to colours of the first n samples. */
 void neural_run(const struct neural_numbers *numbers, int n, struct neural_batch *batch);
 

@@ -129,7 +129,7 @@ static void learn_batch(int batch, gpointer data) {
         for (int c = 0; c < COLOURS; c++)
             lesson->targets[c][s] = target[c];
     }
-    neural_make_queries(trainer->numbers, samples, NEURAL_BATCH, lesson->queries);
+    neural_make_queries(trainer->numbers, FALSE, samples, NEURAL_BATCH, lesson->queries);
     neural_learn(trainer->numbers, trainer->transposed, 1.0F / (COLOURS * NEURAL_STEP), lesson);
 }
 

@@ -167,8 +167,8 @@ static char *constants(gconstpointer material, const struct method_style *style)
     const NeuralView *view = material;
     return g_strdup_printf("#define N_CHANNELS %d\n#define N_LEVELS %d\n#define N_RAYS %d\n"
                            "#define NEAREST %d\n%s",
-                           view->n_channels, view->n_levels, NEURAL_RAYS, style->nearest != 0,
-                           view->network);
+                           view->n_channels, view->n_levels, style->nearest ? NEURAL_RAYS : 1,
+                           style->nearest != 0, view->network);
 }
 
 static void bind_all(gpointer material, guint program, const struct method_style *style) {

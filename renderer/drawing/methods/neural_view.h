@@ -5,6 +5,10 @@
  * The planes over directions and the network are decoded to floats, which are a few kilobytes. The
  * scales of the channels of the surface are part of the weights of the first layer.
  *
+ * A pixel is evaluated at its own place, with one ray, as neural_evaluate_points() does. Only
+ * without filter it has the colour of its texel, from four rays. docs/lab/rendering.md compares
+ * both with captures.
+ *
  * Between two mip levels, each read of a texture is interpolated, and the network is evaluated
  * once. The card computes the mip levels that a file lacks, and all levels of the heights.
  *

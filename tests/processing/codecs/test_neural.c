@@ -24,9 +24,9 @@ static void draw_direction(GRand *random, double ret[3]) {
     ret[2] = cos(theta);
 }
 
-/* Compares neural_evaluate() with the formulas of neural.h. A ray that touches an edge may miss it
- * in single precision. */
-static void assert_formula(const struct neural *neural, double allowed_misses) {
+/* Compares neural_evaluate(), or neural_evaluate_points(), with the formulas of neural.h. A ray
+ * that touches an edge may miss it in single precision. */
+static void assert_formula(const struct neural *neural, gboolean points, double allowed_misses) {
     enum { N = 2000 };
     struct neural_sample *samples = g_new0(struct neural_sample, N);
     g_autofree float *colours = g_new0(float, 3 * N);
@@ -39,6 +39,7 @@ static void assert_formula(const struct neural *neural, double allowed_misses) {
         draw_direction(random, lights[i]);
         sample->x = (float)g_rand_double_range(random, 0, (double)neural->layout.width);
         sample->y = (float)g_rand_double_range(random, 0, (double)neural->layout.height);
+        sample->x += points ? (float)(i % 5 - 2) * (float)neural->layout.width : 0;
         if (i % 3 == 1) { /* the rays of the sample before */
             sample->x = samples[i - 1].x;
             sample->y = samples[i - 1].y;
@@ -49,11 +50,11 @@ static void assert_formula(const struct neural *neural, double allowed_misses) {
             sample->light[k] = (float)lights[i][k];
         }
     }
-    neural_evaluate(neural, samples, N, colours);
+    (points ? neural_evaluate_points : neural_evaluate)(neural, samples, N, colours);
     for (int i = 0; i < N; i++) {
         double expected[3];
-        neural_formula(neural, (double)samples[i].x, (double)samples[i].y, views[i], lights[i],
-                       expected);
+        (points ? neural_formula_point : neural_formula)(
+            neural, (double)samples[i].x, (double)samples[i].y, views[i], lights[i], expected);
         gboolean same = TRUE;
         for (int c = 0; c < 3; c++) {
             same =
@@ -72,9 +73,11 @@ TEST(formula) {
     g_autoptr(Neural) flat = neural_fixture_new(9, 7, 4, 0, 1);
     g_autoptr(Neural) relief = neural_fixture_new(16, 12, 12, 1.5, 2);
     g_autoptr(Neural) deep = neural_fixture_new(24, 24, 16, 9, 3);
-    assert_formula(flat, 0);
-    assert_formula(relief, 0.01);
-    assert_formula(deep, 0.02);
+    for (int points = 0; points < 2; points++) {
+        assert_formula(flat, points, 0);
+        assert_formula(relief, points, 0.01);
+        assert_formula(deep, points, 0.02);
+    }
 }
 
 /* A wall of one texel, 2 texels high, seen and lit from the sides. */
@@ -214,6 +217,21 @@ static void write_small(const char *path, gboolean positions) {
     }
 }
 
+/* A renderer gets all mip levels, also of a file that has only two. */
+TEST(levels) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "neural.exr", NULL);
+    write_small(path, FALSE);
+    g_autoptr(GPtrArray) levels = ok(neural_codec.read_levels(path, ERR));
+    g_assert_cmpint(levels->len, ==, 3);
+    for (guint i = 0; i + 1 < levels->len; i++) {
+        g_autoptr(Neural) half = neural_halved(levels->pdata[i]);
+        assert_same(levels->pdata[i + 1], half);
+    }
+    const struct neural *last = levels->pdata[2];
+    g_assert_cmpint(btf_layout_texels(&last->layout), ==, 1);
+}
+
 static void spoil(struct exr_file *file, int fault) {
     static const char *const parts[] = {"surface1",     "surface3", "heights", "halves2",
                                         "differences1", "weights2", "rows",    "scales",
@@ -273,7 +291,7 @@ TEST(file) {
 static double loss_of(const struct neural_numbers *numbers, const struct neural_lesson *lesson) {
     struct neural_batch batch;
     double sum = 0;
-    neural_set_inputs(numbers, lesson->queries, NEURAL_BATCH, &batch);
+    neural_set_inputs(numbers, FALSE, lesson->queries, NEURAL_BATCH, &batch);
     neural_run(numbers, NEURAL_BATCH, &batch);
     for (int c = 0; c < 3; c++)
         for (int s = 0; s < NEURAL_BATCH; s++) {
@@ -331,7 +349,7 @@ TEST(gradients) {
             lesson->targets[k][s] = (float)g_rand_double_range(random, 0, 0.8);
         }
     }
-    neural_make_queries(numbers, samples, NEURAL_BATCH, lesson->queries);
+    neural_make_queries(numbers, FALSE, samples, NEURAL_BATCH, lesson->queries);
     lesson->targets[1][5] = NAN;
     neural_transpose(numbers, transposed);
     neural_learn(numbers, transposed, 1, lesson);

@@ -5,6 +5,7 @@
 #include "directions/directions.h"
 #include "lib/hsh_formula.h"
 #include "lib/material_fixture.h"
+#include "lib/neural_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -174,6 +175,12 @@ static void plain_value(const struct plain *p, const float *uv, const float *v, 
     const double x = (uv[0] - floor((double)uv[0])) * w - 0.5;
     const double y = (uv[1] - floor((double)uv[1])) * h - 0.5;
     ret[0] = ret[1] = ret[2] = 0;
+    if (strcmp(p->codec->name, "neural") == 0) {
+        neural_formula_point(p->model, x + 0.5, y + 0.5,
+                             (double[]){(double)v[0], (double)v[1], (double)v[2]},
+                             (double[]){(double)l[0], (double)l[1], (double)l[2]}, ret);
+        return;
+    }
     for (int k = 0; k < 4; k++) {
         const int i = (int)floor(x) + k % 2, j = (int)floor(y) + k / 2;
         const double share = (1 - fabs(x - i)) * (1 - fabs(y - j));
