@@ -120,3 +120,38 @@ struct neural_crew *neural_crew_new(int n_threads); /* 0: one per processor */
 void neural_crew_free(struct neural_crew *crew);
 /* Calls func for each block from 0 to n − 1, in any thread and order. */
 void neural_crew_run(struct neural_crew *crew, int n, WorkBlock func, gpointer data);
+
+/* Numbers that are fitted with one learning rate: their values, gradients and moments. */
+struct neural_group {
+    const char *name;
+    float *values, *gradient;
+    float *mean, *square; /* of the gradients, as Adam has them */
+    gsize n;
+    float rate;
+};
+#define NEURAL_GROUPS 5
+
+/* A training of neural->numbers (neural_train.c). */
+struct neural_trainer {
+    const struct btf_matrix *btf;
+    const struct neural_options *options;
+    struct neural *neural; /* gives directions and texels */
+    struct neural_numbers *numbers;
+    float transposed[NEURAL_MAX_WEIGHTS];
+    float *surface_gradient;
+    struct neural_gradient gradient;
+    /* channels of the surface, halves, differences, weights, biases */
+    struct neural_group groups[NEURAL_GROUPS];
+    struct neural_lesson *lessons; /* of a step */
+    struct neural_crew *crew;
+    int step, steps; /* steps that are done, and all */
+};
+
+/* Begins a training with random numbers. The arguments must outlive the trainer. */
+struct neural_trainer *neural_trainer_new(struct neural *neural, const struct btf_matrix *btf,
+                                          const struct neural_options *options);
+void neural_trainer_free(struct neural_trainer *trainer);
+/* Draws the samples of a step, and adds the gradients of their mean loss to those of the groups. */
+void neural_trainer_learn(struct neural_trainer *trainer);
+/* Changes the numbers by a step of Adam. Gradients become 0. */
+void neural_trainer_step(struct neural_trainer *trainer);

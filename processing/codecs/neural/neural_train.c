@@ -25,30 +25,6 @@
 #define BETA_2  0.99F
 #define EPSILON 1e-12F
 
-/* Numbers that are fitted with one learning rate: their values, gradients and moments. */
-struct group {
-    const char *name;
-    float *values, *gradient;
-    float *mean, *square; /* of the gradients, as Adam has them */
-    gsize n;
-    float rate;
-};
-#define GROUPS 5
-
-struct trainer {
-    const struct btf_matrix *btf;
-    const struct neural_options *options;
-    struct neural *neural; /* gives directions and texels */
-    struct neural_numbers *numbers;
-    float transposed[NEURAL_MAX_WEIGHTS];
-    float *surface_gradient;
-    struct neural_gradient gradient;
-    struct group groups[GROUPS];
-    struct neural_lesson *lessons; /* BATCHES */
-    struct neural_crew *crew;
-    int step, steps;
-};
-
 /* A random number for each sample of each step, so that the threads can draw in any order
  * (SplitMix64). */
 static guint64 mix(guint64 x) {
@@ -95,7 +71,7 @@ static void begin_numbers(struct neural_numbers *numbers, guint32 seed) {
 }
 
 /* Draws sample number `index` of the training, and gives its measured colour. */
-static void draw(const struct trainer *trainer, guint64 index, struct neural_sample *ret,
+static void draw(const struct neural_trainer *trainer, guint64 index, struct neural_sample *ret,
                  float target[COLOURS]) {
     const struct btf_layout *layout = &trainer->btf->layout;
     const gsize n_views = layout->views.n, n_lights = layout->lights.n;
@@ -118,7 +94,7 @@ static void draw(const struct trainer *trainer, guint64 index, struct neural_sam
 }
 
 static void learn_batch(int batch, gpointer data) {
-    struct trainer *trainer = data;
+    struct neural_trainer *trainer = data;
     struct neural_lesson *lesson = &trainer->lessons[batch];
     const guint64 first =
         ((guint64)trainer->step * BATCHES + (guint64)batch) * (guint64)NEURAL_BATCH;
@@ -134,7 +110,7 @@ static void learn_batch(int batch, gpointer data) {
 }
 
 /* Adds the gradients of all batches, always in the same order. */
-static void sum_gradients(struct trainer *trainer) {
+static void sum_gradients(struct neural_trainer *trainer) {
     float *sum = (float *)&trainer->gradient;
     const gsize n = sizeof trainer->gradient / sizeof *sum;
     memset(sum, 0, sizeof trainer->gradient);
@@ -149,14 +125,14 @@ static void sum_gradients(struct trainer *trainer) {
 
 /* A step of Adam for a block of the numbers of all groups. Gradients become 0. */
 static void adam_block(int block, gpointer data) {
-    const struct trainer *trainer = data;
+    const struct neural_trainer *trainer = data;
     const int k = trainer->step;
     const double share = MIN(1, (k + 1.0) / WARM_UP) * pow(FALL, (double)k / trainer->steps);
     const double unbias_1 = 1 - pow((double)BETA_1, k + 1.0);
     const double unbias_2 = 1 - pow((double)BETA_2, k + 1.0);
     gsize first = (gsize)block * ADAM_BLOCK, left = ADAM_BLOCK;
-    for (int g = 0; g < GROUPS && left > 0; g++) {
-        const struct group *group = &trainer->groups[g];
+    for (int g = 0; g < NEURAL_GROUPS && left > 0; g++) {
+        const struct neural_group *group = &trainer->groups[g];
         const gsize skip = MIN(first, group->n), n = MIN(left, group->n - skip);
         const float rate = (float)((double)group->rate * share / unbias_1);
         const float scale = (float)(1 / sqrt(unbias_2));
@@ -173,12 +149,12 @@ static void adam_block(int block, gpointer data) {
     }
 }
 
-static void set_groups(struct trainer *trainer) {
+static void set_groups(struct neural_trainer *trainer) {
     struct neural_numbers *numbers = trainer->numbers;
     struct neural_gradient *gradient = &trainer->gradient;
     const gsize surface =
         (gsize)numbers->width * (gsize)numbers->height * (gsize)numbers->n_channels;
-    const struct group groups[GROUPS] = {
+    const struct neural_group groups[NEURAL_GROUPS] = {
         {.name = "surface",
          numbers->surface,
          trainer->surface_gradient,
@@ -192,7 +168,7 @@ static void set_groups(struct trainer *trainer) {
         {"biases", numbers->biases, gradient->biases, .n = NEURAL_ROWS, .rate = RATE / 2},
     };
     memcpy(trainer->groups, groups, sizeof groups);
-    for (int g = 0; g < GROUPS; g++) {
+    for (int g = 0; g < NEURAL_GROUPS; g++) {
         trainer->groups[g].mean = g_new0(float, groups[g].n);
         trainer->groups[g].square = g_new0(float, groups[g].n);
     }
@@ -209,7 +185,7 @@ static gboolean take(Checkpoint *checkpoint, const char *group, const char *what
     return from != NULL;
 }
 
-static void resume(struct trainer *trainer) {
+static void resume(struct neural_trainer *trainer) {
     Checkpoint *checkpoint = trainer->options->checkpoint;
     const struct neural_options *options = trainer->options;
     g_autofree char *what =
@@ -217,8 +193,8 @@ static void resume(struct trainer *trainer) {
                         trainer->steps, options->seed);
     gboolean all = TRUE;
     btf_checkpoint_begin(checkpoint, trainer->btf, what);
-    for (int g = 0; g < GROUPS; g++) {
-        const struct group *group = &trainer->groups[g];
+    for (int g = 0; g < NEURAL_GROUPS; g++) {
+        const struct neural_group *group = &trainer->groups[g];
         const gsize size = sizeof(float) * group->n;
         all = take(checkpoint, group->name, "values", group->values, size) && all;
         all = take(checkpoint, group->name, "mean", group->mean, size) && all;
@@ -230,28 +206,35 @@ static void resume(struct trainer *trainer) {
     /* A checkpoint that lacks an array is of no use. */
     trainer->step = 0;
     begin_numbers(trainer->numbers, options->seed);
-    for (int g = 0; g < GROUPS; g++) {
+    for (int g = 0; g < NEURAL_GROUPS; g++) {
         memset(trainer->groups[g].mean, 0, sizeof(float) * trainer->groups[g].n);
         memset(trainer->groups[g].square, 0, sizeof(float) * trainer->groups[g].n);
     }
 }
 
-static gboolean train(struct trainer *trainer, GError **error) {
+void neural_trainer_learn(struct neural_trainer *trainer) {
+    neural_transpose(trainer->numbers, trainer->transposed);
+    neural_crew_run(trainer->crew, BATCHES, learn_batch, trainer);
+    sum_gradients(trainer);
+}
+
+void neural_trainer_step(struct neural_trainer *trainer) {
+    gsize n = 0;
+    for (int g = 0; g < NEURAL_GROUPS; g++)
+        n += trainer->groups[g].n;
+    neural_crew_run(trainer->crew, (int)((n + ADAM_BLOCK - 1) / ADAM_BLOCK), adam_block, trainer);
+    trainer->step++;
+}
+
+static gboolean train(struct neural_trainer *trainer, GError **error) {
     const struct work *work = &trainer->options->work;
     Checkpoint *checkpoint = trainer->options->checkpoint;
     const gint64 begun_us = g_get_monotonic_time();
     gint64 told_us = begun_us;
     gboolean ok = work_tell(work, "train", trainer->step, trainer->steps, begun_us, error);
-    gsize n = 0;
-    for (int g = 0; g < GROUPS; g++)
-        n += trainer->groups[g].n;
     while (ok && trainer->step < trainer->steps) {
-        neural_transpose(trainer->numbers, trainer->transposed);
-        neural_crew_run(trainer->crew, BATCHES, learn_batch, trainer);
-        sum_gradients(trainer);
-        neural_crew_run(trainer->crew, (int)((n + ADAM_BLOCK - 1) / ADAM_BLOCK), adam_block,
-                        trainer);
-        trainer->step++;
+        neural_trainer_learn(trainer);
+        neural_trainer_step(trainer);
         if (checkpoint)
             checkpoint_save_if_due(checkpoint);
         const gint64 now_us = g_get_monotonic_time();
@@ -326,12 +309,11 @@ static gboolean find_errors(struct neural *neural, const struct btf_matrix *btf,
     return work_tell(work, "errors", 2, 2, begun_us, error);
 }
 
-/* Fits neural->numbers. */
-static gboolean fit(struct neural *neural, const struct btf_matrix *btf,
-                    const struct neural_options *options, GError **error) {
+struct neural_trainer *neural_trainer_new(struct neural *neural, const struct btf_matrix *btf,
+                                          const struct neural_options *options) {
     const double texels = (double)btf_layout_texels(&btf->layout);
     const double per_texel = options->per_texel > 0 ? options->per_texel : DEFAULT_PER_TEXEL;
-    struct trainer *trainer = g_aligned_alloc0(1, sizeof *trainer, 64);
+    struct neural_trainer *trainer = g_aligned_alloc0(1, sizeof *trainer, 64);
     trainer->btf = btf;
     trainer->options = options;
     trainer->neural = neural;
@@ -342,17 +324,28 @@ static gboolean fit(struct neural *neural, const struct btf_matrix *btf,
     trainer->crew = neural_crew_new(options->work.n_threads);
     set_groups(trainer);
     begin_numbers(trainer->numbers, options->seed);
-    if (options->checkpoint)
-        resume(trainer);
-    const gboolean ok = train(trainer, error);
+    return trainer;
+}
+
+void neural_trainer_free(struct neural_trainer *trainer) {
     neural_crew_free(trainer->crew);
-    for (int g = 0; g < GROUPS; g++) {
+    for (int g = 0; g < NEURAL_GROUPS; g++) {
         g_free(trainer->groups[g].mean);
         g_free(trainer->groups[g].square);
     }
     g_free(trainer->surface_gradient);
     g_aligned_free(trainer->lessons);
     g_aligned_free(trainer);
+}
+
+/* Fits neural->numbers. */
+static gboolean fit(struct neural *neural, const struct btf_matrix *btf,
+                    const struct neural_options *options, GError **error) {
+    struct neural_trainer *trainer = neural_trainer_new(neural, btf, options);
+    if (options->checkpoint)
+        resume(trainer);
+    const gboolean ok = train(trainer, error);
+    neural_trainer_free(trainer);
     return ok;
 }
 

@@ -372,6 +372,90 @@ TEST(gradients) {
     g_aligned_free(lesson);
 }
 
+/* The loss of a BTF of one value, in double precision. */
+static double loss_of_value(const struct neural *neural, const float *target) {
+    struct neural_sample sample = {0.5F, 0.5F, {0}, {0}};
+    float colour[3];
+    double sum = 0;
+    neural_view(neural, 0, 0, sample.view);
+    neural_light(neural, 0, 0, sample.light);
+    neural_evaluate(neural, &sample, 1, colour);
+    for (int c = 0; c < 3; c++)
+        sum += pow((log1p(60 * (double)colour[c]) - log1p(60 * (double)target[c])) / log(61), 2);
+    return sum / 3;
+}
+
+/* The step of Adam as Kingma & Ba 2015 write it in their algorithm 1, with the rates of neural.h.
+ * moments are m and v. */
+static double adam(int t, int steps, double rate, double gradient, double moments[2]) {
+    const double falling = rate * fmin(1, t / 50.0) * pow(1.0 / 50, (t - 1.0) / steps);
+    moments[0] = 0.9 * moments[0] + 0.1 * gradient;
+    moments[1] = 0.99 * moments[1] + 0.01 * gradient * gradient;
+    return -falling * (moments[0] / (1 - pow(0.9, t))) / (sqrt(moments[1] / (1 - pow(0.99, t))));
+}
+
+/* A BTF of one value: all samples of a step are alike. Their gradient is that of the loss by
+ * differences, and the steps are those of Adam. */
+TEST(steps) {
+    static const char *const names[] = {"surface", "halves", "differences", "weights", "biases"};
+    g_autoptr(BtfMatrix) btf = waves_fixture_new(1, 1, 1, 1, 0, FALSE);
+    g_autoptr(Neural) neural = neural_fixture_new(1, 1, 4, 0, 1);
+    const struct neural_options options = {.n_channels = 4, .seed = 3, .work.n_threads = 1};
+    struct neural_trainer *trainer = neural_trainer_new(neural, btf, &options);
+    double *moments[NEURAL_GROUPS];
+    for (int g = 0; g < NEURAL_GROUPS; g++) {
+        g_assert_cmpstr(trainer->groups[g].name, ==, names[g]);
+        moments[g] = g_new0(double, 2 * trainer->groups[g].n);
+    }
+    for (int t = 1; t <= 3; t++) {
+        neural_trainer_learn(trainer);
+        for (int g = 0; g < NEURAL_GROUPS; g++) {
+            const struct neural_group *group = &trainer->groups[g];
+            const gsize skip = 1 + group->n / 50;
+            double squares = 0, largest = 0;
+            for (gsize i = 0; i < group->n; i += skip) {
+                const float before = group->values[i], change = 2e-3F;
+                group->values[i] = before + change;
+                const double above = loss_of_value(neural, btf->values);
+                group->values[i] = before - change;
+                const double found =
+                    (above - loss_of_value(neural, btf->values)) / (2 * (double)change);
+                group->values[i] = before;
+                squares += pow((double)group->gradient[i], 2);
+                largest = fmax(largest, fabs(found - (double)group->gradient[i]));
+            }
+            g_test_message("step %d, %s: gradient %g, off by at most %g", t, group->name,
+                           sqrt(squares), largest);
+            g_assert_cmpfloat(squares, >, 0);
+            g_assert_cmpfloat(largest, <, 0.05 * sqrt(squares));
+        }
+        float *before[NEURAL_GROUPS], *gradient[NEURAL_GROUPS];
+        for (int g = 0; g < NEURAL_GROUPS; g++) {
+            const struct neural_group *group = &trainer->groups[g];
+            before[g] = g_memdup2(group->values, sizeof(float) * group->n);
+            gradient[g] = g_memdup2(group->gradient, sizeof(float) * group->n);
+        }
+        neural_trainer_step(trainer);
+        for (int g = 0; g < NEURAL_GROUPS; g++) {
+            const struct neural_group *group = &trainer->groups[g];
+            for (gsize i = 0; i < group->n; i++) {
+                const double change = adam(t, trainer->steps, g < 3 ? 0.02 : 0.01,
+                                           (double)gradient[g][i], moments[g] + 2 * i);
+                if (moments[g][2 * i + 1] > 1e-16)
+                    g_assert_cmpfloat_with_epsilon(group->values[i], (double)before[g][i] + change,
+                                                   1e-3 * fabs(change) + 1e-6);
+                g_assert_true(group->gradient[i] == 0);
+            }
+            g_free(before[g]);
+            g_free(gradient[g]);
+        }
+        g_assert_cmpint(trainer->step, ==, t);
+    }
+    for (int g = 0; g < NEURAL_GROUPS; g++)
+        g_free(moments[g]);
+    neural_trainer_free(trainer);
+}
+
 /* The medians of points become heights; cells without points continue their neighbours. */
 TEST(heights) {
     g_autoptr(Neural) neural = neural_fixture_new(2, 2, 4, 1, 7); /* 4 × 4 cells of 0.25 mm */
