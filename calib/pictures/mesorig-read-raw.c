@@ -1,4 +1,4 @@
-/* This part of the separate program reads camera raw with LibRaw. */
+/* mesorig-read-raw runs LibRaw for other programs; see picture_child.h. */
 #include "raw.h"
 
 #include "base/input_file.h"
@@ -7,6 +7,8 @@
 #include <libraw/libraw.h>
 #include <math.h>
 #include <string.h>
+
+#define CPU_S 120 /* processor time for one picture */
 
 static gboolean fail(const char *path, GError **error, const char *why) {
     g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO, "%s: %s", path, why);
@@ -106,7 +108,7 @@ static struct picture *decode(const char *path, libraw_data_t *raw, char *bytes,
     return fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
 }
 
-gboolean raw_child_read(const struct picture_job *job, GError **error) {
+static gboolean read_raw(const struct picture_job *job, GError **error) {
     struct raw_head head = {0};
     libraw_data_t *raw =
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
@@ -126,4 +128,8 @@ gboolean raw_child_read(const struct picture_job *job, GError **error) {
     return picture_child_write(&head, sizeof head) &&
            picture_child_write(picture->values,
                                sizeof(float) * (gsize)head.width * (gsize)head.height);
+}
+
+int main(int argc, char **argv) {
+    picture_child_main(argc, argv, CPU_S, read_raw);
 }

@@ -1,4 +1,4 @@
-/* This part of the separate program reads videos with OpenCV's videoio and FFmpeg. */
+/* mesorig-read-video runs OpenCV's videoio and FFmpeg for other programs; see picture_child.h. */
 #include "video.h"
 
 #include "base/input_file.h"
@@ -13,6 +13,7 @@
 /* limit of the memory for the frames that are kept; MIN_KEPT frames are allowed in any case */
 #define MAX_BYTES (256 << 20)
 #define MIN_KEPT  16u
+#define CPU_S     3600 /* processor time for one video */
 
 namespace {
 
@@ -143,9 +144,7 @@ gboolean tell(int done, int n, gpointer, GError **) {
     return TRUE;
 }
 
-} // namespace
-
-gboolean video_child_read(const struct picture_job *job, GError **error) {
+gboolean read_video(const struct picture_job *job, GError **error) {
     /* The video is opened by its descriptor, because the path may lead to another file by now. */
     g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job->fd);
     struct video video = {};
@@ -179,4 +178,10 @@ gboolean video_child_read(const struct picture_job *job, GError **error) {
              picture_child_write(frame->grey, (gsize)head.width * (gsize)head.height);
     }
     return ok;
+}
+
+} // namespace
+
+int main(int argc, char **argv) {
+    picture_child_main(argc, argv, CPU_S, read_video);
 }

@@ -55,14 +55,14 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     const struct rlimit limit = {(rlim_t)cpu_s, (rlim_t)cpu_s}, none = {0, 0};
     GError *error = NULL;
     struct stat file;
-    if (argc != 4 || fstat(CHILD_FILE, &file) != 0 || fcntl(CHILD_RESULT, F_GETFD) < 0 ||
+    if (argc != 3 || fstat(CHILD_FILE, &file) != 0 || fcntl(CHILD_RESULT, F_GETFD) < 0 ||
         fcntl(CHILD_TOLD, F_GETFD) < 0) {
         fprintf(stderr, "%s: this program is a part of mesorig, and only mesorig can start it\n",
                 argv[0]);
         _exit(2);
     }
-    const struct picture_job job = {argv[2], argv[1], CHILD_FILE, (guint64)file.st_size,
-                                    atoi(argv[3])};
+    const struct picture_job job = {argv[0], argv[1], CHILD_FILE, (guint64)file.st_size,
+                                    atoi(argv[2])};
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     setrlimit(RLIMIT_CPU, &limit);
     setrlimit(RLIMIT_CORE, &none);
@@ -131,9 +131,9 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
 static pid_t start(const struct picture_job *job, int result, int told, GError **error) {
     static const int targets[] = {CHILD_FILE, CHILD_RESULT, CHILD_TOLD};
     const int sources[] = {job->fd, result, told};
-    g_autofree char *program = program_find("mesorig-read-picture", error);
+    g_autofree char *program = program_find(job->program, error);
     g_autofree char *most = g_strdup_printf("%d", job->most);
-    const char *const argv[] = {program, job->reader, job->path, most, NULL};
+    const char *const argv[] = {program, job->path, most, NULL};
     pid_t pid = -1;
     if (program)
         g_spawn_async_with_pipes_and_fds(NULL, argv, NULL,

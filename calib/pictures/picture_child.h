@@ -1,8 +1,9 @@
 /*
- * LibRaw and FFmpeg read files of any content. They run in a separate program,
- * mesorig-read-picture, with limited processor time. If a library crashes on a file, the result is
- * an error that names the file, and the program that needs the picture continues. The output of the
- * libraries is dropped. Any thread may call the functions.
+ * LibRaw and FFmpeg read files of any content. They run in separate programs, mesorig-read-raw and
+ * mesorig-read-video, with limited processor time. If a library crashes on a file, the result is an
+ * error that names the file, and the program that needs the picture continues. The output of the
+ * libraries is dropped. FFmpeg comes with 200 libraries, which take longer to load than a raw file
+ * takes to read. It has therefore a program of its own. Any thread may call the functions.
  */
 #pragma once
 
@@ -10,13 +11,13 @@
 
 G_BEGIN_DECLS
 
-/* A file for the program to read. */
+/* A file for a program to read. */
 struct picture_job {
-    const char *path;   /* for messages; the path may have another file by now */
-    const char *reader; /* "raw" or "video" */
-    int fd;             /* the file, open for reading */
-    guint64 length;     /* bytes of the file */
-    int most;           /* largest number of frames of a video to keep; 0 for "raw" */
+    const char *program; /* "mesorig-read-raw" or "mesorig-read-video" */
+    const char *path;    /* for messages; the path may have another file by now */
+    int fd;              /* the file, open for reading */
+    guint64 length;      /* bytes of the file */
+    int most;            /* largest number of frames of a video to keep; 0 for a raw file */
 };
 
 /* Called when the program calls picture_child_tell(): done of n steps are finished. If this
@@ -34,7 +35,7 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
  * fewer bytes are left. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
-/* The following functions are for the program. */
+/* The following functions are for the programs. */
 
 /* Reads a file, and writes the result with picture_child_write(). The reader of the result defines
  * its format. Returns FALSE with an error if the file cannot be read. The program ends afterwards,

@@ -21,7 +21,7 @@ gboolean raw_is(const char *path) {
 }
 
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error) {
-    struct picture_job job = {.path = path, .reader = "raw"};
+    struct picture_job job = {.path = path, .program = "mesorig-read-raw"};
     struct raw_head head;
     gsize at = 0;
     job.fd = input_file_open(path, G_MAXINT, &job.length, error);

@@ -38,7 +38,4 @@ struct raw_head {
     char cfa[RAW_CFA], sum[65];
 };
 
-/* Reads the file in the separate program; see raw_child.c. */
-gboolean raw_child_read(const struct picture_job *job, GError **error);
-
 G_END_DECLS

@@ -35,7 +35,7 @@ static gboolean take_frames(GBytes *from, struct video *video) {
 
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error) {
-    struct picture_job job = {.path = path, .reader = "video", .most = most};
+    struct picture_job job = {.path = path, .program = "mesorig-read-video", .most = most};
     job.fd = input_file_open(path, G_MAXINT64, &job.length, error);
     if (job.fd < 0)
         return NULL;

@@ -46,8 +46,6 @@ struct video_head {
     guint n_kept;
 };
 
-/* Reads the file in the separate program; see video_child.cpp. */
-gboolean video_child_read(const struct picture_job *job, GError **error);
 void video_free(struct video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)
 
