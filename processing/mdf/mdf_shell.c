@@ -54,15 +54,17 @@ static struct corners corners_at(const struct grid *grid, double x, double y, do
     const double share[3] = {u - left, v - above, w - layer};
     const int column = (int)(left - floor(left / grid->width) * grid->width);
     const int row = (int)(above - floor(above / grid->height) * grid->height);
+    /* The texture repeats, but the depth does not. */
+    const gsize columns[2] = {(gsize)column, column + 1 < grid->width ? (gsize)column + 1 : 0};
+    const gsize rows[2] = {(gsize)row, row + 1 < grid->height ? (gsize)row + 1 : 0};
+    const gsize layers[2] = {(gsize)layer, (gsize)MIN(layer + 1, grid->depth - 1)};
+    const double in_plane[4] = {(1.0 - share[0]) * (1.0 - share[1]), share[0] * (1.0 - share[1]),
+                                (1.0 - share[0]) * share[1], share[0] * share[1]};
     struct corners c;
     for (int k = 0; k < 8; k++) {
-        const int i = (column + (k & 1)) % grid->width;
-        const int j = (row + (k >> 1 & 1)) % grid->height;
-        const int l = MIN(layer + (k >> 2), grid->depth - 1);
-        c.at[k] = ((gsize)l * grid->height + j) * grid->width + i;
-        c.share[k] =
-            (float)((k & 1 ? share[0] : 1.0 - share[0]) * (k & 2 ? share[1] : 1.0 - share[1]) *
-                    (k & 4 ? share[2] : 1.0 - share[2]));
+        c.at[k] = (layers[k >> 2] * (gsize)grid->height + rows[k >> 1 & 1]) * (gsize)grid->width +
+                  columns[k & 1];
+        c.share[k] = (float)(in_plane[k & 3] * (k & 4 ? share[2] : 1.0 - share[2]));
     }
     return c;
 }
@@ -205,7 +207,7 @@ struct mdf_shell *mdf_shell_new(const struct mdf_table *t) {
                                 .depth_mm = t->deepest_mm,
                                 .most_per_mm = MOST / t->texel_mm,
                                 .values = g_new(guint8, grid.n)};
-    g_autofree guint8 *reached = g_new(guint8, grid.n);
+    g_autofree guint8 *reached = g_new0(guint8, grid.n);
     g_autofree float *g = fit_linear(t, n_views, &grid, reached);
     fit_power(t, n_views, &grid, reached, g);
     round_values(g, &grid, shell);
