@@ -35,12 +35,26 @@
 #define CLUSTERS   32
 #define PARTS      8
 
+/* The page draws its own picture, too, in the size of the window. */
+#define PAGE_WIDTH  320
+#define PAGE_HEIGHT 240
+
 static char *folder;
+static Browser *browser_of_all;
 
 static const char *in_folder(const char *name) {
     static char path[256];
     g_snprintf(path, sizeof path, "%s/%s", folder, name);
     return path;
+}
+
+/* Tests use the same browser, because it takes seconds of processor time to start. test_pictures()
+ * starts its own: in a browser that had shown another material at the same address, a picture
+ * differed by more than BOUND. */
+static Browser *the_browser(void) {
+    if (!browser_of_all)
+        browser_of_all = browser_new(PAGE_WIDTH, PAGE_HEIGHT);
+    return browser_of_all;
 }
 
 static const struct view {
@@ -149,7 +163,7 @@ static void test_pictures(gconstpointer data) {
     relief_scene_write(kind, in_folder("material.exr"), mdf);
     g_unlink(output);
     g_free(process_mesorig(0, "export web %s -o %s", in_folder("material.exr"), output));
-    Browser *browser = browser_new(640, 480);
+    Browser *browser = browser_new(PAGE_WIDTH, PAGE_HEIGHT);
     browser_open(browser, address);
     browser_wait(browser, "window.mesorig !== undefined || document.querySelector('[role=alert]')");
     g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
@@ -190,7 +204,7 @@ static Browser *open_neural(void) {
     g_unlink(output);
     g_autofree char *told = process_mesorig(0, "export web %s -o %s --json", material, output);
     assert_has(told, "\"channels\": 8");
-    Browser *browser = browser_new(640, 480);
+    Browser *browser = the_browser();
     browser_open(browser, address);
     browser_wait(browser, "window.mesorig !== undefined || document.querySelector('[role=alert]')");
     g_autofree char *said = browser_value(browser, "document.getElementById('step').innerText");
@@ -211,7 +225,6 @@ TEST(neural) {
     Browser *browser = open_neural();
     g_autoptr(Viewer) viewer = webgl_test_viewer(&method_neural);
     webgl_test_compare(browser, viewer, RELIEF_BUMPS);
-    browser_free(browser);
     g_assert_cmpint(g_unlink(in_folder("mdf.exr")), ==, 0); /* other tests have none */
 }
 
@@ -371,7 +384,7 @@ TEST(terminator) {
     g_autoptr(Lpca) lpca = relief_scene_compress(btf, 2, 2);
     ok(lpca_write_levels(few, (struct lpca *const[]){lpca}, 1, ERR));
     g_free(process_mesorig(0, "export web %s -o %s", few, page));
-    Browser *browser = browser_new(640, 480);
+    Browser *browser = the_browser();
     browser_open(browser, address);
     browser_wait(browser, "window.mesorig !== undefined");
     for (int phi_deg = 0; phi_deg < 360; phi_deg += 45) {
@@ -381,7 +394,6 @@ TEST(terminator) {
         g_assert_cmpfloat(high, >, 0.05);
         g_assert_cmpfloat(low, <, high / 50);
     }
-    browser_free(browser);
 }
 
 /* A session's directory: its BTF is compressed, its products/lpca.exr is taken as it is. */
@@ -467,16 +479,15 @@ TEST(cut) {
     g_assert_nonnull(end);
     g_autofree char *without = g_strdup_printf("%.*s%s", (int)(second - text), text, end + 10);
     g_assert_true(g_file_set_contents(cut, without, -1, NULL));
-    Browser *browser = browser_new(640, 480);
+    Browser *browser = the_browser();
     check_incomplete(browser, address);
     /* In the middle of a piece of the material, before the program. */
     g_assert_true(g_file_set_contents(cut, text, second - text + 100, NULL));
     check_incomplete(browser, address);
-    browser_free(browser);
 }
 
 /* Opens a page that has the program of an exported page, but does not start it. The functions that
- * tests call are in the object “parts”; browser_free(). */
+ * tests call are in the object “parts”. */
 static Browser *open_program(void) {
     g_autofree char *one = g_strdup(in_folder("program.exr")), *text = NULL;
     g_autofree char *page = g_strdup(in_folder("program.html"));
@@ -493,7 +504,7 @@ static Browser *open_program(void) {
                         "halveShell, Shell, readMaterial };</script>",
                         (int)(end - begin), begin);
     g_assert_true(g_file_set_contents(page, program, -1, NULL));
-    Browser *browser = browser_new(640, 480);
+    Browser *browser = the_browser();
     browser_open(browser, address);
     browser_wait(browser, "window.parts !== undefined");
     return browser;
@@ -520,7 +531,6 @@ TEST(stretch) {
     g_test_message("stretch of the torus, up to %.3f: off by at most %.4f", most, worst);
     g_assert_cmpfloat(most, >, 1.0);
     g_assert_cmpfloat(worst, <, 0.01 * most);
-    browser_free(browser);
 }
 
 /* The root of the mean square of each 2 × 2 voxels of a layer, here of two layers of 4 × 3. The
@@ -536,7 +546,6 @@ TEST(mip_levels) {
         browser, "String(parts.halveShell(new Uint8Array([6, 8, 3, 4, 0, 1, 30, 40]), 1, 4, 2))");
     /* √((36 + 64) / 2) = 7.07, √(25 / 2) = 3.54, √(1 / 2) = 0.71, √(2500 / 2) = 35.4 */
     g_assert_cmpstr(column, ==, "7,4,1,35");
-    browser_free(browser);
 }
 
 /* A file without sections, of this version and with this shell in its header. */
@@ -581,7 +590,6 @@ TEST(damaged) {
                  "{ width: 64, height: 2049, depth: 1 }, null); } catch (error) { return "
                  "error.message; } })()");
     assert_has(large, "too large for this device");
-    browser_free(browser);
 }
 
 BEFORE_TESTS {
@@ -592,6 +600,7 @@ BEFORE_TESTS {
 }
 
 AFTER_TESTS {
+    browser_free(browser_of_all);
     remove_tree(folder);
     g_free(folder);
 }
