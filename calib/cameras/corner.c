@@ -381,9 +381,10 @@ gboolean corner_lateral(const struct picture *picture, const struct board *board
             for (int a = 0; a < ALL; a++)
                 rhs[k * ALL + a] += shift * row[a];
         }
+        /* LAPACK reads only this triangle of h. */
         for (int a = 0; a < ALL; a++) {
             rhs[2 * ALL + a] -= row[a] * r;
-            for (int c = 0; c < ALL; c++)
+            for (int c = 0; c <= a; c++)
                 h[a * ALL + c] += row[a] * row[c];
         }
     }
