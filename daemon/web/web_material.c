@@ -90,14 +90,24 @@ static void wake(struct following *following) {
 
 /* --- the main loop: answers and news */
 
-static void append_later(GString *to, const PartialForecast *forecast) {
-    char number[G_ASCII_DTOSTR_BUF_SIZE];
+static void append_expected(GString *to, const PartialForecast *forecast) {
+    char number[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
+    double range[2];
     int n = 0;
     const struct partial_later *later = forecast ? partial_forecast_later(forecast, &n) : NULL;
     g_string_append_printf(
-        to, "\"expected_error\": %s, \"later\": [",
+        to, "\"expected_error\": %s, \"expected_error_range\": ",
         forecast ? g_ascii_formatd(number, sizeof number, "%.5f", partial_forecast_error(forecast))
                  : "null");
+    if (forecast) {
+        partial_forecast_error_range(forecast, range);
+        g_string_append_printf(to, "[%s, %s]",
+                               g_ascii_formatd(number, sizeof number, "%.5f", range[0]),
+                               g_ascii_formatd(high, sizeof high, "%.5f", range[1]));
+    } else {
+        g_string_append(to, "null");
+    }
+    g_string_append(to, ", \"later\": [");
     for (int i = 0; i < n; i++)
         g_string_append_printf(to, "%s[%d, %s]", i ? ", " : "", later[i].shots,
                                g_ascii_formatd(number, sizeof number, "%.5f", later[i].error));
@@ -109,7 +119,7 @@ static void tell_news(const struct following *following, const GArray *fresh) {
     json_append_string(json, following->session);
     g_string_append_printf(json, ", \"measured\": %d, \"forecast\": %d, ", following->n_measured,
                            following->n_forecasts);
-    append_later(json, following->forecast);
+    append_expected(json, following->forecast);
     g_string_append(json, ", \"new\": [");
     for (guint i = 0; fresh && i < fresh->len; i++)
         g_string_append_printf(json, "%s%d", i ? ", " : "", g_array_index(fresh, int, i));
@@ -234,22 +244,29 @@ static void append_directions(GString *to, const char *name, const GPtrArray *di
     g_string_append_c(to, ']');
 }
 
-/* Appends the corners of the triangles between directions. There are none if there are too few
- * directions. */
-static void append_triangles(GString *to, const char *name, const GPtrArray *directions) {
-    g_autofree float *theta_deg = g_new(float, directions->len);
-    g_autofree float *phi_deg = g_new(float, directions->len);
-    int n = 0;
-    for (guint i = 0; i < directions->len; i++) {
+/* Appends how to interpolate between directions: rings, or else triangles. With too few directions
+ * there are neither. */
+static void append_between(GString *to, const char *name, const GPtrArray *directions) {
+    const int n = (int)directions->len;
+    g_autofree float *theta_deg = g_new(float, n), *phi_deg = g_new(float, n);
+    g_autofree int *indices = g_new(int, n);
+    int n_triangles = 0;
+    for (int i = 0; i < n; i++) {
         const struct session_direction *direction = directions->pdata[i];
         theta_deg[i] = (float)direction->theta_deg;
         phi_deg[i] = (float)direction->phi_deg;
     }
-    g_autoptr(Directions) all =
-        directions_new_triangulated(theta_deg, phi_deg, (int)directions->len, NULL);
-    const int *corners = all ? directions_triangles(all, &n) : NULL;
-    g_string_append_printf(to, ", \"%s\": [", name);
-    for (int i = 0; i < 3 * n; i++)
+    g_autoptr(Directions) all = directions_new(theta_deg, phi_deg, n, NULL);
+    g_string_append_printf(to, ", \"%s_rings\": [", name);
+    for (int ring = 0; all && ring < directions_n_rings(all); ring++) {
+        const int members = directions_ring(all, ring, indices);
+        for (int i = 0; i < members; i++)
+            g_string_append_printf(to, "%s%d", i ? ", " : ring ? ", [" : "[", indices[i]);
+        g_string_append_c(to, ']');
+    }
+    const int *corners = all ? directions_triangles(all, &n_triangles) : NULL;
+    g_string_append_printf(to, "], \"%s_triangles\": [", name);
+    for (int i = 0; i < 3 * n_triangles; i++)
         g_string_append_printf(to, "%s%d", i ? ", " : "", corners[i]);
     g_string_append_c(to, ']');
 }
@@ -264,8 +281,8 @@ static char *layout_text(const Partial *partial) {
                            g_ascii_formatd(height, sizeof height, "%g", grid->height_mm));
     append_directions(to, "views", partial_views(partial));
     append_directions(to, "lights", partial_lights(partial));
-    append_triangles(to, "view_triangles", partial_views(partial));
-    append_triangles(to, "light_triangles", partial_lights(partial));
+    append_between(to, "view", partial_views(partial));
+    append_between(to, "light", partial_lights(partial));
     return g_string_free(to, FALSE);
 }
 
@@ -488,7 +505,7 @@ char *web_material_text(const WebMaterial *material, GError **error) {
     json_append_string(json, following->session);
     g_string_append_printf(json, ", %s, \"measured\": %d, \"forecast\": %d, ", following->layout,
                            following->n_measured, following->n_forecasts);
-    append_later(json, following->forecast);
+    append_expected(json, following->forecast);
     g_string_append(json, ", \"pairs\": [");
     for (int pair = 0; pair < following->n_pairs; pair++)
         g_string_append_printf(json, "%s%d", pair ? ", " : "", pair_state(following, pair));

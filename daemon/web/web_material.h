@@ -13,8 +13,8 @@ typedef struct WebMaterial WebMaterial;
 
 /* Called with the data of a server-sent event "material", which is one line of JSON: session,
  * measured (number of measured pictures), new (pairs that were measured since the last event),
- * expected_error and later (as in web_material_text()), and forecast, a number that changes with
- * each prediction. */
+ * expected_error, expected_error_range and later (as in web_material_text()), and forecast, a
+ * number that changes with each prediction. */
 typedef void (*WebMaterialNews)(const char *json, gpointer data);
 WebMaterial *web_material_new(WebMaterialNews news, gpointer data);
 void web_material_free(WebMaterial *material); /* NULL is ignored; waits for the threads */
@@ -23,17 +23,23 @@ void web_material_free(WebMaterial *material); /* NULL is ignored; waits for the
  * the same as before. */
 void web_material_follow(WebMaterial *material, const char *directory);
 
-/* Returns the material so far as JSON; g_free(). The members are:
- *   session, width, height (texels), width_mm, height_mm
- *   views, lights      lists of [θ, φ] in degrees
- *   view_triangles, light_triangles   three indices of views (of lights) for each triangle between
- *                      the directions; empty if there are too few directions
- *   pairs              for each pair view · n_lights + light: 0 if its picture is measured,
- * otherwise its expected error in ‰ of its own values, or -1 if it is not known yet measured,
- * forecast as in the event expected_error     relative error of the whole BTF, or null if it is not
- * known yet later              list of [n, error]: the expected error after n further shots problem
- * a sentence about a picture that could not be read, or empty Returns NULL with an error if there
- * is no session, or if it cannot be read. */
+/* Returns the material so far as JSON; g_free(). Returns NULL with an error if there is no session,
+ * or if it cannot be read. The members are:
+ * - session, width, height (texels), width_mm, height_mm
+ * - views, lights: lists of [θ, φ] in degrees
+ * - view_rings, light_rings: lists of indices of views (of lights), one for each ring, from the
+ *   topmost ring down and sorted by azimuth; empty if the directions do not form rings
+ *   (directions/directions.h)
+ * - view_triangles, light_triangles: without rings, three indices for each triangle between the
+ *   directions; empty if there are too few directions
+ * - pairs: for each pair view · n_lights + light, 0 if its picture is measured, otherwise its
+ *   expected error in ‰ of its own values, or -1 if it is not known yet
+ * - measured, forecast: as in the event
+ * - expected_error: relative error of the whole BTF, or null if it is not known yet
+ * - expected_error_range: [low, high], between which the true error is with a probability of 90 %,
+ *   or null
+ * - later: list of [n, error], the expected error after n further shots
+ * - problem: a sentence about a picture that could not be read, or empty */
 char *web_material_text(const WebMaterial *material, GError **error);
 
 /* Gets the picture of a pair, measured or predicted: height × width texels of 4 bytes, little

@@ -167,6 +167,16 @@ const int *directions_triangles(const Directions *d, int *ret_n) {
     return d->triangulation ? triangulation_corners(d->triangulation, ret_n) : NULL;
 }
 
+int directions_n_rings(const Directions *d) {
+    return d->n_rings;
+}
+
+int directions_ring(const Directions *d, int ring, int *ret) {
+    for (int k = 0; k < d->rings[ring].n; k++)
+        ret[k] = d->rings[ring].entries[k].index;
+    return d->rings[ring].n;
+}
+
 void directions_free(Directions *d) {
     if (d == NULL)
         return;

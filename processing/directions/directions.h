@@ -46,6 +46,11 @@ Directions *directions_new_triangulated(const float *theta_deg, const float *phi
  * *ret_n is 0 if the directions form rings or lie on one plane through the nadir. The array is
  * owned by the object. */
 const int *directions_triangles(const Directions *directions, int *ret_n);
+/* Returns the number of rings, which is 0 if the directions are triangulated. */
+int directions_n_rings(const Directions *directions);
+/* Gives the indices of the directions of a ring, sorted by azimuth, and returns their number. Ring
+ * 0 is the topmost one. ret has room for all directions. */
+int directions_ring(const Directions *directions, int ring, int *ret);
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 

@@ -73,6 +73,10 @@ double partial_forecast_error(const PartialForecast *forecast) {
     return nearest_prediction_error(forecast->prediction);
 }
 
+void partial_forecast_error_range(const PartialForecast *forecast, double ret[2]) {
+    nearest_prediction_error_range(forecast->prediction, ret);
+}
+
 double partial_forecast_pair_error(const PartialForecast *forecast, int pair) {
     return nearest_prediction_pair_error(forecast->prediction, pair);
 }

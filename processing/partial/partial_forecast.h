@@ -35,6 +35,8 @@ int partial_forecast_n_measured(const PartialForecast *forecast);
  * relative to its own values (nearest_prediction_pair_error()). */
 double partial_forecast_error(const PartialForecast *forecast);
 double partial_forecast_pair_error(const PartialForecast *forecast, int pair);
+/* Gives the range of the error of the whole BTF (nearest_prediction_error_range()). */
+void partial_forecast_error_range(const PartialForecast *forecast, double ret[2]);
 /* Returns the expected errors after further shots, in the order of their shots. *ret_n is at most
  * PARTIAL_LATER. Owned by the forecast. */
 const struct partial_later *partial_forecast_later(const PartialForecast *forecast, int *ret_n);

@@ -6,7 +6,10 @@
  * With S the neighbours of a missing pair u, the weights of the ratios z_S are w_u = K_SS⁻¹ k_Su,
  * and the variance of ρ_u is e g_u² s² (k_uu − k_Suᵀ w_u), where s² is the mean of z² over the
  * measured pairs of the row. g_u is limited to the maximum of g at the measured pairs, because the
- * directions that are not measured yet may be far from all measured ones.
+ * directions that are not measured yet may be far from all measured ones. For the same reason the
+ * diffuse part of g changes only with cos θ_l below the lowest measured light, and not at all below
+ * the lowest measured view. Where the highlights of g exceed their limit, the square b_u of the
+ * excess is added to the variance: nobody has seen yet how bright these highlights are.
  *
  * The factor e comes from a cross-validation at the distances of the missing pairs: for a missing
  * pair u, its nearest measured pair t is predicted from the measured pairs i that are as far from t
@@ -48,6 +51,10 @@ void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at
 /* Returns the expected relative error √(Σ σ² / Σ ρ²) over all pairs and probes. Measured pairs
  * contribute no variance. Returns 1 if nothing is measured. */
 double nearest_prediction_error(const NearestPrediction *prediction);
+
+/* Gives the range that the true error is expected in, with a probability of 90 %. It is wide if few
+ * pairs, such as those of a sharp highlight, have most of the error. */
+void nearest_prediction_error_range(const NearestPrediction *prediction, double ret[2]);
 
 /* Returns the expected error of one pair, relative to its own values: √(Σ σ² / Σ ρ²) over probes.
  * Returns 0 for a measured pair, and 1 if nothing is measured. */

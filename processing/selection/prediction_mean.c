@@ -10,7 +10,6 @@
 #define FIT_PAIRS 400 /* maximum number of measured pairs that are used */
 #define STARTS    3   /* number of initial widths of lobes */
 #define MIN_COS   0.05
-#define MIN_RMS   1e-4 /* minimum of ρ and of g; darker values count as this value */
 #define TOLERANCE 1e-6
 #define FACTOR    100 /* bound of the first step, as in lmdif1() */
 
@@ -27,17 +26,30 @@ static double prediction_mean_lobe(const double *x, double hx, double hy, double
            pow(cos_l, -x[6]);
 }
 
-void prediction_mean(const double *x, double max_gloss, struct vec3 v, struct vec3 l,
-                     double ret[3]) {
+void prediction_mean_diffuse(const double *x, double cos_v, double cos_l, double ret[3]) {
+    cos_v = fmax(cos_v, MIN_COS);
+    cos_l = fmax(cos_l, MIN_COS);
+    const double shade = cos_l * exp(x[3] * (1 - cos_v) + x[4] * (1 - cos_l));
+    for (int c = 0; c < 3; c++)
+        ret[c] = exp(x[c]) * shade;
+}
+
+double prediction_mean_gloss(const double *x, struct vec3 v, struct vec3 l) {
     const double cos_v = fmax(v.z, MIN_COS), cos_l = fmax(l.z, MIN_COS);
     const struct vec3 h = vec3_add(v, l);
     const double hz = fmax(h.z, 2 * MIN_COS);
-    const double shade = cos_l * exp(x[3] * (1 - cos_v) + x[4] * (1 - cos_l));
     double gloss = 0;
     for (int k = 0; k < LOBES; k++)
         gloss += prediction_mean_lobe(x + DIFFUSE + LOBE * k, h.x / hz, h.y / hz, cos_v, cos_l);
+    return gloss;
+}
+
+void prediction_mean(const double *x, double max_gloss, struct vec3 v, struct vec3 l,
+                     double ret[3]) {
+    const double gloss = fmin(prediction_mean_gloss(x, v, l), max_gloss);
+    prediction_mean_diffuse(x, v.z, l.z, ret);
     for (int c = 0; c < 3; c++)
-        ret[c] = fmax(exp(x[c]) * shade + fmin(gloss, max_gloss), MIN_RMS);
+        ret[c] = fmax(ret[c] + gloss, PREDICTION_MIN_MEAN);
 }
 
 struct prediction_mean_fit {
@@ -116,7 +128,8 @@ static void gather(const Prediction *prediction, const float *probes, const stru
                 continue;
             prediction_directions(prediction, centre, pair, &ret->v[ret->n], &ret->l[ret->n]);
             for (int c = 0; c < 3; c++)
-                ret->logarithms[3 * ret->n + c] = log(fmax(sqrt(squares[c] / known[c]), MIN_RMS));
+                ret->logarithms[3 * ret->n + c] =
+                    log(fmax(sqrt(squares[c] / known[c]), PREDICTION_MIN_MEAN));
             ret->n++;
         }
     }

@@ -74,6 +74,11 @@ void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int 
 /* Computes g of all pairs at a position: n_pairs × 3. */
 void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret);
 
+/* The two parts of g: that of a diffuser, and the sum of the lobes. */
+void prediction_mean_diffuse(const double *parameters, double cos_v, double cos_l, double ret[3]);
+double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec3 l);
+/* minimum of ρ and of g; darker values count as this value */
+#define PREDICTION_MIN_MEAN 1e-4
 /* Evaluates g of R, G, B, with the sum of its lobes limited to max_gloss. */
 void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);

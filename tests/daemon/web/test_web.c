@@ -1,5 +1,7 @@
 /* mesorig-web: what it shows, what it refuses, and its page in a browser. */
+#include "directions/directions.h"
 #include "lib/browser.h"
+#include "lib/direction.h"
 #include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
@@ -8,6 +10,7 @@
 
 #include <json-glib/json-glib.h>
 #include <libsoup/soup.h>
+#include <math.h>
 #include <string.h>
 
 #define REQUESTS 300 /* of the fuzzer; MESORIG_WEB_REQUESTS in the environment: more */
@@ -336,6 +339,90 @@ static double brightness(Browser *browser) {
     return g_ascii_strtod(text, NULL);
 }
 
+/* Compares the page's interpolation between directions with directions.h, which mesorig-view
+ * draws by. */
+static void compare_interpolation(Browser *browser, const float *theta_deg, const float *phi_deg,
+                                  int n) {
+    g_autoptr(Directions) directions = ok(directions_new(theta_deg, phi_deg, n, ERR));
+    g_autoptr(GString) places = g_string_new("[");
+    g_autoptr(GString) between = g_string_new("[");
+    int indices[64], n_triangles, n_pole;
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(places, "[%g, %g],", (double)theta_deg[i], (double)phi_deg[i]);
+    for (int ring = 0; ring < directions_n_rings(directions); ring++) {
+        const int members = directions_ring(directions, ring, indices);
+        g_string_append_c(between, '[');
+        for (int i = 0; i < members; i++)
+            g_string_append_printf(between, "%d,", indices[i]);
+        g_string_append(between, "],");
+    }
+    const int *corners = directions_triangles(directions, &n_triangles);
+    const int *pole = directions_pole(directions, &n_pole);
+    g_string_append(between, "], [");
+    for (int i = 0; i < 3 * n_triangles; i++)
+        g_string_append_printf(between, "%d,", corners[i]);
+    for (int step = 0; step < 60; step++) {
+        const double theta = fmod(7.3 * step, 89), phi = fmod(67.9 * step, 360);
+        struct direction_weights weights;
+        double expected[64] = {0};
+        const double fade =
+            directions_fade_weights(directions, direction_of_deg(theta, phi), &weights);
+        for (int k = 0; k < 4; k++)
+            for (int i = 0; i < (weights.index[k] == n ? n_pole : 1); i++)
+                expected[weights.index[k] == n ? pole[i] : weights.index[k]] +=
+                    (double)weights.weight[k] / (weights.index[k] == n ? n_pole : 1);
+        g_autofree char *expression =
+            g_strdup_printf("(() => { const {shares, end} = around([%g, %g], %s], %s]);"
+                            " const fade = %g <= end ? 1 : Math.cos(%g * Math.PI / 180) / "
+                            "Math.cos(end * Math.PI / 180);"
+                            " return `${fade} ` + Array.from({length: %d}, (_, i) => "
+                            "(shares.find(([k]) => k === i) || [i, 0])[1]).join(' '); })()",
+                            theta, phi, places->str, between->str, theta, theta, n);
+        g_autofree char *told = browser_value(browser, expression);
+        g_auto(GStrv) values = g_strsplit(told, " ", -1);
+        g_assert_cmpint(g_strv_length(values), ==, n + 1);
+        g_assert_cmpfloat(fabs(g_ascii_strtod(values[0], NULL) - fade), <, 1e-3);
+        for (int i = 0; i < n; i++)
+            g_assert_cmpfloat(fabs(g_ascii_strtod(values[i + 1], NULL) - expected[i]), <, 1e-3);
+    }
+}
+
+static void compare_interpolations(Browser *browser) {
+    static const float ring_theta[] = {20, 20, 20, 20, 50, 50, 50, 50, 50, 50, 50, 50},
+                       ring_phi[] = {10, 100, 190, 280, 0, 45, 90, 135, 180, 225, 270, 315},
+                       pole_theta[] = {0, 40, 40, 40, 40, 40},
+                       pole_phi[] = {0, 0, 72, 144, 216, 288};
+    float theta[24], phi[24];
+    for (int i = 0; i < 24; i++) { /* a spiral, as of a dome */
+        theta[i] = 3.2f * (float)i;
+        phi[i] = (float)fmod(137.5 * i, 360);
+    }
+    compare_interpolation(browser, ring_theta, ring_phi, G_N_ELEMENTS(ring_theta));
+    compare_interpolation(browser, pole_theta, pole_phi, G_N_ELEMENTS(pole_theta));
+    compare_interpolation(browser, theta, phi, 24);
+}
+
+/* A rig with one view, such as a dome: the sample is seen from this view and cannot be turned. */
+static void capture_one_view(struct site *site, Browser *browser) {
+    static const struct change one[] = {{"[sample]", "width_mm = 30"},
+                                        {"[sample]", "height_mm = 30"},
+                                        {"[views]", "rings = 30:1"},
+                                        {0}};
+    g_autofree char *session = g_build_filename(site->run->directory, "one.session", NULL);
+    small_rig_write(site->run->directory, "session.conf", one);
+    operator_does(site->run, 0, "capture", "--address", site->bus, site->run->rig, site->run->conf,
+                  "-o", session, NULL);
+    browser_wait(browser, "document.getElementById('material-error').textContent == "
+                          "'All 4 pictures are measured.'");
+    browser_wait(browser, "document.getElementById('material-drag-label').hidden");
+    browser_wait(browser, "/, seen from θ 30°, φ 0°: measured\\.$/.test("
+                          "document.getElementById('material-text').textContent)");
+    browser_wait(browser, BRIGHTNESS " > 20");
+    g_free(browser_value(browser, "document.getElementById('material').dispatchEvent(new "
+                                  "KeyboardEvent('keydown', {key: 'ArrowUp', shiftKey: true}))"));
+    browser_wait(browser, "material.view[0] == 30");
+}
+
 /* The material so far: it is drawn, follows the light by mouse and keyboard, and says what is
  * measured. */
 TEST(material) {
@@ -357,8 +444,10 @@ TEST(material) {
     g_assert_cmpuint(site_ask(site, "GET", "api/v1/material", NULL, &told), ==, 200);
     assert_has(told, "\"measured\": 16");
     assert_has(told, "\"expected_error\": 0.0");
+    assert_has(told, "\"expected_error_range\": [0.0");
     g_assert_cmpuint(site_ask(site, "GET", "api/v1/material/16", NULL, NULL), ==, 404);
     g_assert_cmpuint(site_ask(site, "GET", "api/v1/material/99999999999", NULL, NULL), ==, 404);
+    compare_interpolations(browser);
     browser_wait(browser, "/: measured\\.$/.test("
                           "document.getElementById('material-text').textContent)");
     browser_wait(browser, BRIGHTNESS " > 20");
@@ -370,7 +459,7 @@ TEST(material) {
                                   "KeyboardEvent('keydown', {key: 'ArrowUp'})); })()"));
     browser_wait(browser, "/^Light from θ 85°/.test("
                           "document.getElementById('material-text').textContent)");
-    browser_wait(browser, "material.requested.size == 0");
+    browser_wait(browser, "material.requested.size == 0 && !material.frame");
     g_test_message("brightness %.1f, under a low light %.1f", before, brightness(browser));
     g_assert_cmpfloat(brightness(browser), <, 0.6 * before);
     /* A click in the middle of the map brings the light to the zenith. */
@@ -382,6 +471,7 @@ TEST(material) {
     browser_wait(browser, "/^Light from θ 0°/.test("
                           "document.getElementById('material-text').textContent)");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    capture_one_view(site, browser);
     browser_free(browser);
     site_free(site);
 }

@@ -104,8 +104,14 @@ TEST(missing_pairs) {
                        shares[i], is, expected, all);
         g_assert_cmpfloat(is, <, before);
         g_assert_cmpfloat(is, <, 1.75 * all);
+        double range[2];
+        nearest_prediction_error_range(prediction, range);
+        g_test_message("range %.4f to %.4f", range[0], range[1]);
         g_assert_cmpfloat(expected, >, is / 1.5);
         g_assert_cmpfloat(expected, <, is * 1.5);
+        g_assert_cmpfloat(fabs(range[0] * range[1] - expected * expected), <, 1e-9);
+        g_assert_cmpfloat(range[1], >, 1.05 * expected);
+        g_assert_cmpfloat(range[1], <, 2 * expected);
         before = is;
     }
 }
@@ -158,6 +164,54 @@ TEST(looks_ahead) {
     for (int p = 0; p < PAIRS; p++)
         more[p] = TRUE;
     g_assert_cmpfloat(nearest_prediction_error_after(now, more, 200), ==, 0);
+}
+
+/* Below the lowest measured light, the mean material becomes darker like a diffuser, even if it has
+ * become darker faster between the measured lights. */
+TEST(low_lights) {
+    const double lowest = cos(51 * G_PI / 180), low = cos(69 * G_PI / 180);
+    g_autofree float *table = g_new(float, ROWS *PAIRS);
+    double g[3];
+    for (int p = 0; p < PAIRS; p++)
+        for (int r = 0; r < ROWS; r++) {
+            const double z = lights[p % LIGHTS].z;
+            table[r * PAIRS + p] =
+                p % LIGHTS < 24 ? (float)(0.5 * z * exp(-5 * (1 - z))) : (float)NAN;
+        }
+    g_autoptr(NearestPrediction) prediction =
+        ok(nearest_prediction_new(&pairs, table, NULL, PROBES, NULL, NULL, ERR));
+    const double expected = 0.5 * low * exp(-5 * (1 - lowest));
+    nearest_prediction_mean(prediction, vec3(0, 0, 0), LIGHTS - 1, g);
+    g_test_message("mean at a low light %.4f, of a diffuser %.4f", g[0], expected);
+    g_assert_cmpfloat(fabs(g[0] / expected - 1), <, 0.15);
+}
+
+/* A highlight that becomes brighter towards the directions that are missing is limited to what was
+ * measured, and the error of a missing pair is expected to be as large as what the limit takes. */
+TEST(bright_highlights) {
+    g_autofree float *table = g_new(float, ROWS *PAIRS);
+    double g[3], brightest = 0, missing = 0;
+    for (int p = 0; p < PAIRS; p++) {
+        const struct vec3 v = views[p / LIGHTS], l = lights[p % LIGHTS];
+        const struct vec3 h = vec3_unit(vec3_add(v, l));
+        const double lobe = exp(-3 * (h.x * h.x + h.y * h.y) / (h.z * h.z)) / (v.z * l.z);
+        const gboolean known = p % LIGHTS < 24;
+        for (int r = 0; r < ROWS; r++)
+            table[r * PAIRS + p] = known ? (float)(0.3 * l.z + 0.3 * lobe) : (float)NAN;
+        if (known)
+            brightest = fmax(brightest, 0.3 * l.z + 0.3 * lobe);
+    }
+    g_autoptr(NearestPrediction) prediction =
+        ok(nearest_prediction_new(&pairs, table, NULL, PROBES, NULL, NULL, ERR));
+    for (int p = 0; p < PAIRS; p++) {
+        nearest_prediction_mean(prediction, vec3(0, 0, 0), p, g);
+        g_assert_cmpfloat(g[0], <, 1.05 * brightest);
+        missing = fmax(missing, nearest_prediction_pair_error(prediction, p));
+    }
+    double range[2];
+    nearest_prediction_error_range(prediction, range);
+    g_test_message("largest expected error %.3f, range %.3f to %.3f", missing, range[0], range[1]);
+    g_assert_cmpfloat(missing, >, 0.2);
 }
 
 TEST(ends) {
