@@ -14,7 +14,10 @@
 /* Standard deviation of Σ σ² that the cross-validation does not see, relative: pairs t and u
  * differ, and probes are not the whole sample. From weave, brick, peanuts and brushed of
  * docs/lab/fast.md. */
-#define UNSEEN 0.08
+#define UNSEEN 0.11
+/* Maximum of what the limit takes from highlights, relative to the limit. A lobe that was fitted to
+ * few pairs may be arbitrarily bright between them. */
+#define MAX_BEYOND 0.5
 /* Number of standard deviations of log Σ σ² on both sides of the expected error that the range of
  * nearest_prediction_error_range() has. */
 #define RANGE 1.645
@@ -173,7 +176,7 @@ static double limited_mean(const NearestPrediction *prediction, struct vec3 at_m
     for (int c = 0; c < 3; c++)
         ret[c] = CLAMP(ret[c] * fmin(fmax(l.z, 0) / cos_l, 1) + used, PREDICTION_MIN_MEAN,
                        prediction->max_mean);
-    return pow(gloss - used, 2);
+    return pow(fmin(gloss - used, MAX_BEYOND * model->max_gloss), 2);
 }
 
 /* Sets squares of the model to the means of g² s² over rows, and energy to those of ρ². */

@@ -185,8 +185,10 @@ static void draw_state(struct window *w) {
     g_autofree char *opening = opener_progress(w->opener);
     ui_text(name);
     ui_text(opening != NULL ? opening : state);
-    if (w->live != NULL && w->n_live == 0)
-        ui_note("Waiting for the first view; this is a demonstration.");
+    if (w->live != NULL && w->live_maps == NULL)
+        ui_note("Waiting for the first picture; this is a demonstration.");
+    if (w->live != NULL && live_text(w->live) != NULL)
+        ui_text(live_text(w->live));
 }
 
 void window_draw_panel(struct window *w, struct ui_box box) {

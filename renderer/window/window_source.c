@@ -312,6 +312,8 @@ void window_follow(struct window *w) {
         window_say(w, error->message);
         return;
     }
+    if (w->live != NULL)
+        live_mark_pictures(w->live, views);
     const gboolean news = w->planned == NULL || series_count(w->planned) != series_count(views);
     g_clear_pointer(&w->planned, g_array_unref);
     w->planned = views;

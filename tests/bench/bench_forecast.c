@@ -75,7 +75,7 @@ static int *list_pairs(const Partial *partial, const int *groups, int seed, int 
             seed < 0 ? groups[pair] : GPOINTER_TO_INT(g_hash_table_lookup(drawn, key)), pair};
     }
     qsort(places, (gsize)n, sizeof *places, by_number);
-    int *ret = g_new(int, n + 1);
+    int *ret = g_new0(int, n + 1);
     for (int i = 0; i < n; i++)
         ret[i] = places[i].pair;
     *ret_n = n;
