@@ -14,7 +14,7 @@
 #define READ_TOGETHER 16 /* maximum number of pictures between two events */
 #define FORECAST_S    3  /* minimum time between two forecasts */
 /* minimum time between two forecasts, relative to the processor time of the last one */
-#define FORECAST_REST 9
+#define FORECAST_REST 15
 #define MAX_KEPT      256 /* number of predicted pictures that are kept until the next forecast */
 #define READ_NICE     5
 #define FORECAST_NICE 15

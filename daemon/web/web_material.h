@@ -2,8 +2,8 @@
  * The material so far of the session that the daemon captures, for the web server's requests
  * (processing/partial). Two threads of low priority work: one reads the session's new pictures and
  * predicts the pictures that clients ask for, the other one predicts the expected error every few
- * seconds, with at most a tenth of a processor. The session is only read. All functions belong to
- * the main loop's thread, and return immediately.
+ * seconds, with at most a sixteenth of a processor. The session is only read. All functions belong
+ * to the main loop's thread, and return immediately.
  */
 #pragma once
 
