@@ -75,6 +75,8 @@ static gboolean calibrate_work(const struct work *work, gpointer data, GError **
         g_cancellable_set_error_if_cancelled(work->cancellable, error))
         return FALSE;
     keep_incomplete(job);
+    if (job->found && !calibrate_found_write(job, NULL, error))
+        return FALSE;
     const char *path = output_file_path(job->to, error);
     return path &&
            output_file_end(job->to, calibration_write(job->calibration, path, error), error);
@@ -92,8 +94,15 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     job->rejected = g_ptr_array_new_with_free_func(g_free);
     job->incomplete = g_ptr_array_new_with_free_func(g_free);
     job->warnings = g_ptr_array_new_with_free_func(g_free);
+    job->marks = g_array_new(FALSE, FALSE, sizeof(struct found_mark));
     job->to = cli_output(calibrate_output, "calibration", error);
-    const gboolean ok = job->to && cli_work_run(calibrate_work, job, &job->seconds, error);
+    const gboolean begins =
+        job->to && (!calibrate_found ||
+                    (job->found = cli_output(calibrate_found, "found in pictures", error)));
+    const gboolean ok = begins && cli_work_run(calibrate_work, job, &job->seconds, error);
+    /* A calibration that failed has its own error, also if the page cannot be written. */
+    if (job->found && !ok)
+        calibrate_found_write(job, error ? *error : NULL, NULL);
     if (ok) {
         record_say(call->record, "%s{file}: ", calibrate_output);
         method->tell(call->record, job);
@@ -104,6 +113,8 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
             cli_tell_output(call->record, job->to);
     }
     g_clear_pointer(&job->to, output_file_free);
+    g_clear_pointer(&job->found, output_file_free);
+    g_array_unref(job->marks);
     calibration_free(job->calibration);
     g_clear_pointer(&job->frames, g_ptr_array_unref);
     g_clear_pointer(&job->rejected, g_ptr_array_unref);

@@ -61,8 +61,12 @@ struct calibrate_job {
     OutputFile *to;        /* the calibration file */
     OutputFile *corners;   /* a further file of the subcommand, or NULL */
     const struct work *work;
-    gint64 begun_us; /* start of the work */
-    double seconds;  /* duration of the work */
+    gint64 begun_us;       /* start of the work */
+    double seconds;        /* duration of the work */
+    GArray *marks;         /* of struct found_mark */
+    const char *marks_say; /* what the marks are; NULL: places with their errors */
+    gboolean is_outline;   /* the marks are where the target must be, and are not counted */
+    OutputFile *found;     /* the page of --found, or NULL */
 };
 
 /* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job, and
@@ -156,6 +160,32 @@ gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error
  * balanced colours. Fails if the file cannot be read, does not have the checksum that the session
  * has stored, or has an unknown colour filter. */
 struct picture *calibrate_read(const struct calibrate_frame *frame, GError **error);
+
+/* The page of --found shows the pictures of a calibration with what was found in them. Marks are
+ * drawn at the places that were seen. A line at a mark points to the place that the calibration
+ * predicts, and is drawn longer than it is. If a calibration fails, the page has the pictures and
+ * the reasons, without marks. */
+#define CALIBRATE_FOUND_PICTURES 24 /* maximum number of pictures of a page */
+
+extern char *calibrate_found; /* --found */
+#define CALIBRATE_FOUND                                                                            \
+    {                                                                                              \
+        "found", 0, 0, G_OPTION_ARG_FILENAME, &calibrate_found,                                    \
+            "Also write a page with the pictures, and what was found in them", "FILE.html"         \
+    }
+
+struct found_mark {
+    int frame;            /* index in job->frames */
+    double x_px, y_px;    /* where it was seen; the centre of the top left pixel is 0, 0 */
+    double dx_px, dy_px;  /* predicted minus seen place; 0 if no place is predicted */
+    gboolean is_left_out; /* it did not fit what the others show */
+};
+
+/* Adds a mark to the page; does nothing without --found. Any thread, one at a time. */
+void calibrate_found_add(struct calibrate_job *job, const struct found_mark *mark);
+
+/* Writes the page to job->found. why is the error of a calibration that failed, or NULL. */
+gboolean calibrate_found_write(struct calibrate_job *job, const GError *why, GError **error);
 
 /* The command `mesorig board`: draws a calibration board as a file to print. */
 extern const struct command cli_board;

@@ -36,6 +36,7 @@ static const GOptionEntry entries[] = {
      "DIR|VIDEO"},
     {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
      "Also write the corners that were used to this file, as mrcal reads them", "FILE"},
+    CALIBRATE_FOUND,
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
      "The lens model: polynomial, rational or fisheye (default: with --images the model that fits "
@@ -207,6 +208,16 @@ static void keep_turntable(struct job *job) {
     calibrate_keep(&job->base, "turntable", &tilt_column, 1, tilts);
 }
 
+static void mark_corners(struct job *job) {
+    const GArray *all = job->result->residuals;
+    for (guint i = 0; i < all->len; i++) {
+        const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
+        calibrate_found_add(&job->base,
+                            &(struct found_mark){r->picture, (double)r->x_px, (double)r->y_px,
+                                                 (double)r->dx_px, (double)r->dy_px, FALSE});
+    }
+}
+
 /* Turns the rig so that the board that lies flattest has its x axis at azimuth 0. */
 static gboolean turn_to_board(struct job *job, GError **error) {
     if (!cameras_board_azimuth(job->result, &job->board, &job->board_deg, error))
@@ -268,6 +279,8 @@ static gboolean find(struct calibrate_job *base, GError **error) {
                                                                                &task, error);
     for (int c = 0; job->result && c < base->calibration->rig.n_cameras; c++)
         keep_residuals(job, c);
+    if (job->result)
+        mark_corners(job);
     if (job->result && job->turns)
         keep_turntable(job);
     if (job->result && azimuth_option && !turn_to_board(job, error))
@@ -459,6 +472,8 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command, "give sessions, or --images DIR|VIDEO, not both");
     if (!images_option && call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR|VIDEO");
+    if (images_option && calibrate_found)
+        return cli_usage(call->command, "--found is for sessions, not for --images");
     if (images_option && azimuth_option)
         return cli_usage(call->command, "--board-azimuth is for sessions, not for --images");
     if (!board_parse(&job.board, board_option, &bad) ||

@@ -22,6 +22,7 @@ static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
     CALIBRATE_FROM("Start from this calibration, in which cameras and arc are calibrated"),
     CALIBRATE_INCOMPLETE,
+    CALIBRATE_FOUND,
     {"planes", 0, 0, G_OPTION_ARG_STRING, &planes_option,
      "Heights of the plates' tops above the turntable, one for each session; default: each "
      "session's reference plane",
@@ -197,9 +198,26 @@ static void reject_sweeps(struct job *job) {
                                             (char *)job->names->pdata[i], out[i], all[i]));
 }
 
+/* Marks the points of the lines, without lines of errors, because an error is a distance from the
+ * sheet in mm. */
+static void mark_points(struct job *job) {
+    const struct rig *rig = &job->base.calibration->rig;
+    for (guint i = 0; i < job->points->len; i++) {
+        const struct laser_point *p = &g_array_index(job->points, struct laser_point, i);
+        struct found_mark mark = {.frame = p->sweep, .is_left_out = job->result.rejected[i] != 0};
+        if (rig_project(&rig->cameras[p->camera], p->point_mm, &mark.x_px, &mark.y_px))
+            calibrate_found_add(&job->base, &mark);
+    }
+}
+
 static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct laser_result *found = &job->result;
+    job->base.marks_say = "The brightness of a pixel is the time at which the line passed it. A "
+                          "circle is a point of the line that was used. A cross did not fit the "
+                          "others.";
+    if (job->base.found)
+        mark_points(job);
     reject_sweeps(job);
     calibration->rig = found->rig;
     for (int i = 0; i < found->rig.n_lasers; i++)
@@ -346,6 +364,8 @@ static void tell(Record *to, const struct calibrate_job *base) {
 static int run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {find, tell};
     struct job job = {0};
+    if (laser_images_folder && calibrate_found)
+        return cli_usage(call->command, "--found is for sessions, not for --images");
     if (laser_images_folder)
         return laser_images_calibrate(call, error);
     if (call->n_arguments < 1)

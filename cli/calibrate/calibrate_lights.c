@@ -32,6 +32,7 @@ static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the result here"),
     CALIBRATE_FROM("Start from this calibration, in which the cameras are calibrated"),
     CALIBRATE_INCOMPLETE,
+    CALIBRATE_FOUND,
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
      "Instead of a session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
     {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
@@ -476,9 +477,50 @@ static gboolean find_mistake(struct job *job, const struct lamp_target *target, 
     return TRUE;
 }
 
+/* Predicts the place of a sight in its picture. A sight of posts is converted from the plate to the
+ * picture as well. Returns FALSE if one of both places is not in front of the camera. */
+static gboolean place_sight(const struct job *job, const struct rig *at, const struct lamp_sight *s,
+                            struct found_mark *ret) {
+    const struct lamp_target *target = &job->result.target;
+    const struct rig_camera *camera = &at->cameras[s->camera];
+    const struct vec3 lamp = s->lamp < 0
+                                 ? rig_camera_centre_mm(camera)
+                                 : rig_lamp_position_mm(&at->arc, &at->lamps[s->lamp], s->arc_rad);
+    const struct vec3 mark = lamp_mark_mm(target, s->mark, s->turntable_rad);
+    double x, y;
+    ret->x_px = s->x;
+    ret->y_px = s->y;
+    if (target->kind == LAMP_BALLS) {
+        if (!lamp_highlight_px(camera, mark, target->marks[s->mark].size_mm, lamp, &x, &y))
+            return FALSE;
+    } else {
+        const struct vec3 seen = rig_turn(vec3(s->x, s->y, target->plane_mm), s->turntable_rad);
+        struct vec3 end;
+        if (!lamp_shadow_mm(target, s->mark, mark, lamp, &end, NULL) ||
+            !rig_project(camera, end, &x, &y) || !rig_project(camera, seen, &ret->x_px, &ret->y_px))
+            return FALSE;
+    }
+    ret->dx_px = x - ret->x_px;
+    ret->dy_px = y - ret->y_px;
+    return TRUE;
+}
+
+static void mark_sights(struct job *job) {
+    g_autofree struct rig *at = g_new(struct rig, 1);
+    for (guint i = 0; i < job->sights->len; i++) {
+        const struct lamp_sight *s = &g_array_index(job->sights, struct lamp_sight, i);
+        struct found_mark mark = {.frame = s->picture, .is_left_out = job->result.rejected[i] != 0};
+        rig_at(&job->result.rig, s->turntable_rad, at);
+        if (place_sight(job, at, s, &mark))
+            calibrate_found_add(&job->base, &mark);
+    }
+}
+
 static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct lamps_result *found = &job->result;
+    if (job->base.found)
+        mark_sights(job);
     const gboolean poles = job->target.kind == LAMP_POLES;
     for (guint i = 0; i < job->sights->len; i++) {
         const struct lamp_sight *s = &g_array_index(job->sights, struct lamp_sight, i);
@@ -594,6 +636,8 @@ static int run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {find, tell};
     const struct command *command = call->command;
     struct job job = {0};
+    if (photos_folder && calibrate_found)
+        return cli_usage(command, "--found is for sessions, not for --images");
     if (photos_folder)
         return photos_calibrate(call, error);
     if (call->n_arguments < 1)

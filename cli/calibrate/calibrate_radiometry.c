@@ -7,6 +7,7 @@
 
 #define MAX_GLARE   0.02 /* glare relative to the mean light; above it, a warning is given */
 #define MAX_FLICKER 0.005
+#define OUTLINE     16 /* number of marks on each side of the tile on the page of --found */
 /* Expected errors of the lamps' light distribution in a rig file. */
 #define EXPONENT_ERROR 1.0
 #define AIM_ERROR_RAD  (5 * G_PI / 180)
@@ -23,6 +24,7 @@ static const GOptionEntry entries[] = {
     CALIBRATE_FROM("Start from this calibration, and use its geometry. Default: the output file if "
                    "it exists, otherwise the calibration of the session"),
     CALIBRATE_INCOMPLETE,
+    CALIBRATE_FOUND,
     {NULL},
 };
 
@@ -142,6 +144,39 @@ static char *parse_reflectance(double ret[3]) {
     return NULL;
 }
 
+/* Marks the outline of the tile in the pictures of the session. */
+static gboolean mark_tile(struct job *job, Session *session, GError **error) {
+    const struct rig *rig = &job->base.calibration->rig;
+    const double half[2] = {job->options.width_mm / 2, job->options.height_mm / 2};
+    struct session_grid grid;
+    GPtrArray *frames = calibrate_frames(session, SHOT_LAMP, error);
+    if (!frames || !session_grid(session, &grid, error)) {
+        g_clear_pointer(&frames, g_ptr_array_unref);
+        return FALSE;
+    }
+    g_ptr_array_unref(job->base.frames);
+    job->base.frames = frames;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct calibrate_frame *frame = frames->pdata[i];
+        for (int k = 0; k < 4 * OUTLINE; k++) {
+            /* The position along the side k / OUTLINE, −1 to 1, and the side itself. */
+            const double along = 2.0 * (k % OUTLINE) / OUTLINE - 1;
+            const double u[] = {along, 1, -along, -1}, v[] = {-1, along, 1, -along};
+            const int side = k / OUTLINE;
+            const struct vec3 point =
+                vec3(u[side] * (half[0] > 0 ? half[0] : grid.width_mm / 2),
+                     v[side] * (half[1] > 0 ? half[1] : grid.height_mm / 2), grid.reference_mm);
+            struct found_mark mark = {.frame = (int)i};
+            if (frame->camera < rig->n_cameras &&
+                rig_project(&rig->cameras[frame->camera],
+                            rig_sample_point(rig, frame->turntable_deg * G_PI / 180, point),
+                            &mark.x_px, &mark.y_px))
+                calibrate_found_add(&job->base, &mark);
+        }
+    }
+    return TRUE;
+}
+
 static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     g_autoptr(Session) session = calibrate_open(base, 0, error);
@@ -155,6 +190,11 @@ static gboolean find(struct calibrate_job *base, GError **error) {
         memcpy(rig->fiducials, own.fiducials, sizeof rig->fiducials);
         rig->n_fiducials = own.n_fiducials;
     }
+    base->is_outline = TRUE;
+    base->marks_say = "The circles are where the edge of the tile must be. The tile must fill "
+                      "this outline and be evenly bright.";
+    if (base->found && !mark_tile(job, session, error))
+        return FALSE;
     job->options.work = base->work;
     return tile_session(session, base->calibration, &job->options, &job->result, error);
 }

@@ -3,6 +3,7 @@
  * processed with and without it; all of it compared with the simulated truth. */
 #include "demo_calibration.h"
 #include "exr/exr.h"
+#include "lib/demo_part.h"
 #include "lib/floats.h"
 #include "lib/folder.h"
 #include "lib/ok.h"
@@ -10,6 +11,7 @@
 #include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
+#include "world/truth.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -21,42 +23,6 @@
 #define VIEWS   4
 #define LIGHTS  4
 
-/* Devices at 30° and 60° are left. */
-static void write_part(const char *name) {
-    static const char *const sections[] = {"camera cam%d", "lamp lamp%d", "laser laser%d",
-                                           "axis sweep%d"};
-    static const int others[] = {15, 45, 75};
-    g_autoptr(GKeyFile) file = g_key_file_new();
-    g_autofree char *from = g_build_filename(DEMO, name, NULL), *to = in_folder(name);
-    ok(g_key_file_load_from_file(file, from, G_KEY_FILE_NONE, ERR));
-    for (gsize s = 0; s < G_N_ELEMENTS(sections); s++)
-        for (gsize i = 0; i < G_N_ELEMENTS(others); i++) {
-            g_auto(GStrv) parts = g_strsplit(sections[s], "%d", 2);
-            g_autofree char *group = g_strdup_printf("%s%d", parts[0], others[i]);
-            g_key_file_remove_group(file, group, NULL);
-        }
-    if (g_key_file_has_group(file, "rig")) {
-        g_key_file_set_value(file, "lamp lamp30", "index", "0");
-        g_key_file_set_value(file, "lamp lamp60", "index", "1");
-    } else {
-        g_key_file_set_value(file, "world", "gather_rays", "0");
-    }
-    ok(g_key_file_save_to_file(file, to, ERR));
-}
-
-static void write_session(const char *name, const char *sample, const char *views,
-                          const char *lights, const char *lasers, const char *capture) {
-    g_autofree char *path = in_folder(name);
-    g_autofree char *lights_text =
-        lights ? g_strdup_printf("[lights]\nrings=%s\noffset_deg=40\n", lights) : g_strdup("");
-    g_autofree char *lasers_text =
-        lasers ? g_strdup_printf("[lasers]\nrings=%s\noffset_deg=20\n", lasers) : g_strdup("");
-    g_autofree char *text = g_strdup_printf("[session]\nname=%s\n[sample]\n%s\n[views]\nrings=%s\n"
-                                            "%s%s[capture]\non_blocked=skip\n%s\n",
-                                            name, sample, views, lights_text, lasers_text, capture);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
-
 static void copy(const char *name) {
     g_autofree char *from = g_build_filename(DEMO, name, NULL), *to = in_folder(name), *text = NULL;
     gsize length;
@@ -65,27 +31,27 @@ static void copy(const char *name) {
 }
 
 static void write_files(void) {
-    write_part("rig.conf");
-    write_part("world.conf");
+    demo_part_write(folder);
     copy("calibrate");
     copy("poles.conf");
-    write_session("board.conf", "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
-                  "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
-    write_session("lights.conf",
-                  "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20", "30:4; 60:4",
-                  "30:2; 60:2", NULL, "exposures_us=2000;8000");
-    write_session("plate.conf",
-                  "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm = 1\ndepth_mm = 1",
-                  "30:1; 60:1", NULL, "30:3; 60:3",
-                  "sweep_steps=64\nlaser_threshold_dn=12\nexposures_us=8000");
-    write_session("tile.conf",
-                  "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=2.2\ndepth_mm=2.2",
-                  "30:2; 60:2", "30:2; 60:2", NULL,
-                  "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes");
-    write_session("session.conf",
-                  "width_mm=50\nheight_mm=50\ntexels=16\nreference_mm=2.2\ndepth_mm=2.2",
-                  "30:2; 60:2", "30:2; 60:2", "30:3; 60:3",
-                  "exposures_us=4000;16000\nsweep_steps=64\nlaser_threshold_dn=12");
+    demo_part_write_session(folder, "board.conf",
+                            "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
+                            "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
+    demo_part_write_session(folder, "lights.conf",
+                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20",
+                            "30:4; 60:4", "30:2; 60:2", NULL, "exposures_us=2000;8000");
+    demo_part_write_session(folder, "plate.conf",
+                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm = 1\ndepth_mm = 1",
+                            "30:1; 60:1", NULL, "30:3; 60:3",
+                            "sweep_steps=64\nlaser_threshold_dn=12\nexposures_us=8000");
+    demo_part_write_session(folder, "tile.conf",
+                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=2.2\ndepth_mm=2.2",
+                            "30:2; 60:2", "30:2; 60:2", NULL,
+                            "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes");
+    demo_part_write_session(folder, "session.conf",
+                            "width_mm=50\nheight_mm=50\ntexels=16\nreference_mm=2.2\ndepth_mm=2.2",
+                            "30:2; 60:2", "30:2; 60:2", "30:3; 60:3",
+                            "exposures_us=4000;16000\nsweep_steps=64\nlaser_threshold_dn=12");
 }
 
 static void run(const char *const *argv) {
@@ -107,6 +73,49 @@ static void check_page(const char *path) {
     g_assert_null(strstr(page, "nan"));
 }
 
+/* Returns the number of marks on a page of --found. All of them must lie in their pictures, and the
+ * places that the calibration predicts must be near. */
+static int check_found(const char *name) {
+    g_autofree char *file = g_strdup_printf("targets/found-%s.html", name);
+    g_autofree char *path = in_folder(file), *page = NULL;
+    int n = 0, width = 0, height = 0;
+    double x, y, px;
+    g_assert_true(g_file_get_contents(path, &page, NULL, NULL));
+    for (const char *at = page; (at = strchr(at, '<')); at++) {
+        if (sscanf(at, "<svg viewBox=\"0 0 %d %d\"", &width, &height) == 2)
+            continue;
+        if (sscanf(at, "<circle cx=\"%lf\" cy=\"%lf\"", &x, &y) == 2) {
+            g_assert_true(x > 0 && x < width && y > 0 && y < height);
+            n++;
+        } else if (sscanf(at, "<br>%*d found, %lf px RMS", &px) == 1) {
+            g_assert_cmpfloat(px, >, 0);
+            g_assert_cmpfloat(px, <, 0.5);
+        }
+    }
+    return n;
+}
+
+/* Compares the first mark of each picture of the tile, a corner of the tile, with the truth. */
+static void check_outline(World *world) {
+    g_autofree char *path = in_folder("targets/found-radiometry.html"), *page = NULL;
+    const double corner_mm[3] = {-30, -30, 2.2};
+    int n = 0, theta_deg;
+    double turntable_deg, x, y, at_mm[3], px[2];
+    g_assert_true(g_file_get_contents(path, &page, NULL, NULL));
+    for (const char *at = page; (at = strstr(at, "aria-label=\"cam")); at++) {
+        g_assert_cmpint(sscanf(at, "aria-label=\"cam%d under lamp%*d, turntable at %lf", &theta_deg,
+                               &turntable_deg),
+                        ==, 2);
+        const char *mark = strstr(at, "<circle");
+        g_assert_cmpint(sscanf(mark, "<circle cx=\"%lf\" cy=\"%lf\"", &x, &y), ==, 2);
+        truth_to_rig(world, turntable_deg, corner_mm, at_mm);
+        truth_project(world, theta_deg == 30 ? 0 : 1, at_mm, px);
+        g_assert_cmpfloat(hypot(x - 0.5 - px[0], y - 0.5 - px[1]), <, 0.3);
+        n++;
+    }
+    g_assert_cmpint(n, ==, 16);
+}
+
 TEST(calibrate) {
     g_autofree char *script = in_folder("calibrate"), *path = in_folder("rig.calibration"),
                     *targets = in_folder("targets"), *world_path = in_folder("world.conf"),
@@ -121,6 +130,11 @@ TEST(calibrate) {
         g_assert_true(found->parts[i].done);
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
+    g_assert_cmpint(check_found("cameras"), >, 500);
+    g_assert_cmpint(check_found("lights"), >, 100);
+    g_assert_cmpint(check_found("laser"), >, 1000);
+    g_assert_cmpint(check_found("radiometry"), ==, 16 * 64);
+    check_outline(world);
     static const struct demo_step steps[] = {{0, 40, -2}, {0, 200, 0}, {1, 100, 1}, {1, 300, 3}};
     struct demo_errors errors;
     demo_errors_of(world, found, steps, G_N_ELEMENTS(steps), &errors);

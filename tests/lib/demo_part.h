@@ -1,0 +1,22 @@
+/* A part of the demo's rig (etc/demo): two cameras, lamps and lasers, at 30° and 60°, whose world
+ * has any target on the turntable. Errors in these functions fail the test. */
+#pragma once
+
+#include <glib.h>
+
+#define DEMO_PART_BOARD "8x8,square=9,marker=6.75,thickness=3"
+
+/* Writes rig.conf and world.conf into a folder. */
+void demo_part_write(const char *folder);
+
+/* Writes a session file into a folder: lines of the section [sample], rings of views, lights and
+ * lasers (lights and lasers may be NULL), and lines of the section [capture]. */
+void demo_part_write_session(const char *folder, const char *name, const char *sample,
+                             const char *views, const char *lights, const char *lasers,
+                             const char *capture);
+
+enum demo_target { DEMO_BOARD_FLAT, DEMO_BOARD_LEANING, DEMO_POLES, DEMO_PLATE, DEMO_TILE };
+
+/* Writes world.conf with a target instead of the sample, as etc/demo/calibrate does it. A board
+ * needs the program mesorig once. height_mm is that of a plate. */
+void demo_part_lay(const char *folder, enum demo_target target, double height_mm);
