@@ -251,12 +251,14 @@ gboolean calibrate_found_write(struct calibrate_job *job, const GError *why, GEr
         n++;
     }
     GString *page = page_begin(title);
-    g_string_append(page, "<style>.all{display:grid;grid-template-columns:repeat(auto-fill,minmax("
-                          "min(16em,100%),1fr));gap:1em}.all figure{margin:0}.found "
-                          "svg{display:block;width:100%;height:auto;"
-                          "background:#000}.found circle,.found path{fill:none;stroke:#3ddc84;"
-                          "stroke-width:1.5px;vector-effect:non-scaling-stroke}"
-                          ".found .out{stroke:#ff5c66}</style>\n");
+    g_string_append(
+        page,
+        "<style>h1{font-size:1.4em}.all{display:grid;grid-template-columns:repeat(auto-fill,minmax("
+        "min(16em,100%),1fr));gap:1em}.all figure{margin:0}.found "
+        "svg{display:block;width:100%;height:auto;"
+        "background:#000}.found circle,.found path{fill:none;stroke:#3ddc84;"
+        "stroke-width:1.5px;vector-effect:non-scaling-stroke}"
+        ".found .out{stroke:#ff5c66}</style>\n");
     page_add(page, "<h1>%s</h1>\n", title);
     if (why)
         page_add(page, "<p class=\"failure\">%s</p>\n", why->message);

@@ -10,9 +10,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define MAX_NAME       100
-#define FILE_ENDING    ".conf"
-#define SESSION_ENDING ".session"
+#define MAX_NAME        100
+#define FILE_ENDING     ".conf"
+#define SESSION_ENDING  ".session"
+#define MAX_CALIBRATION (16 << 20) /* bytes, as in calibration.c */
 
 gboolean web_files_is_name(const char *name) {
     const gsize n = strlen(name);
@@ -25,14 +26,12 @@ gboolean web_files_is_name(const char *name) {
     return TRUE;
 }
 
-/* Returns the text of a session file; g_free(). Returns NULL with errno if it cannot be read, is a
- * link or no regular file, is too large, or is not UTF-8. A FIFO does not block. */
-static char *read_file(const char *path, struct stat *ret_info) {
+char *web_files_read(const char *path, gsize most, struct stat *ret_info) {
     const int descriptor = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (descriptor < 0)
         return NULL;
     if (fstat(descriptor, ret_info) != 0 || !S_ISREG(ret_info->st_mode) ||
-        ret_info->st_size > WEB_FILES_MAX_BYTES) {
+        (gsize)ret_info->st_size > most) {
         close(descriptor);
         errno = S_ISREG(ret_info->st_mode) ? EFBIG : EISDIR;
         return NULL;
@@ -48,9 +47,9 @@ static char *read_file(const char *path, struct stat *ret_info) {
     return NULL;
 }
 
-/* Returns whether a text has the line [session], so that it is no rig file. */
-static gboolean is_session(const char *text) {
-    for (const char *at = text; (at = strstr(at, "[session]")); at++)
+/* Returns whether a text has the line of this section, such as "[session]". */
+static gboolean has_section(const char *text, const char *section) {
+    for (const char *at = text; (at = strstr(at, section)); at++)
         if (at == text || at[-1] == '\n')
             return TRUE;
     return FALSE;
@@ -60,9 +59,7 @@ static gint by_name(gconstpointer a, gconstpointer b) {
     return g_utf8_collate(*(char *const *)a, *(char *const *)b);
 }
 
-/* Returns the names in the folder that have this ending, without it, sorted. The list is empty
- * without a folder. */
-static GPtrArray *names_of(const struct web_task *task, const char *ending) {
+GPtrArray *web_files_names(const struct web_task *task, const char *ending) {
     GPtrArray *names = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GDir) dir = task->folder ? g_dir_open(task->folder, 0, NULL) : NULL;
     const char *entry;
@@ -78,9 +75,9 @@ static GPtrArray *names_of(const struct web_task *task, const char *ending) {
     return names;
 }
 
-static char *path_of(const char *folder, const char *name, const char *ending) {
+char *web_files_path(const struct web_task *task, const char *name, const char *ending) {
     g_autofree char *file = g_strconcat(name, ending, NULL);
-    return g_build_filename(folder, file, NULL);
+    return g_build_filename(task->folder, file, NULL);
 }
 
 /* Answers {"folder": …, KEY: entries}. */
@@ -103,94 +100,121 @@ static void add_entry(GVariantBuilder *to, const char *name, const struct stat *
     g_variant_builder_close(to);
 }
 
-void web_files_list(const struct web_task *task) {
-    g_autoptr(GPtrArray) names = names_of(task, FILE_ENDING);
-    GVariantBuilder entries;
+void web_files_add_section(const struct web_task *task, const char *section,
+                           GVariantBuilder *entries) {
+    g_autoptr(GPtrArray) names = web_files_names(task, FILE_ENDING);
     int n = 0;
-    g_variant_builder_init(&entries, G_VARIANT_TYPE("aa{sv}"));
     for (guint i = 0; i < MIN(names->len, 2 * WEB_FILES_MAX) && n < WEB_FILES_MAX; i++) {
         struct stat info;
-        g_autofree char *path = path_of(task->folder, names->pdata[i], FILE_ENDING);
-        g_autofree char *text = read_file(path, &info);
-        if (!text || !is_session(text))
+        g_autofree char *path = web_files_path(task, names->pdata[i], FILE_ENDING);
+        g_autofree char *text = web_files_read(path, WEB_FILES_MAX_BYTES, &info);
+        if (!text || !has_section(text, section))
             continue;
-        add_entry(&entries, names->pdata[i], &info, TRUE);
+        add_entry(entries, names->pdata[i], &info, TRUE);
         n++;
     }
+}
+
+void web_files_list(const struct web_task *task) {
+    GVariantBuilder entries;
+    g_variant_builder_init(&entries, G_VARIANT_TYPE("aa{sv}"));
+    web_files_add_section(task, "[session]", &entries);
     answer_list(task, "files", &entries);
 }
 
-void web_files_sessions(const struct web_task *task) {
-    g_autoptr(GPtrArray) names = names_of(task, SESSION_ENDING);
-    GVariantBuilder entries;
-    g_variant_builder_init(&entries, G_VARIANT_TYPE("aa{sv}"));
+void web_files_add(const struct web_task *task, const GPtrArray *names, const char *ending,
+                   mode_t type, GVariantBuilder *entries) {
     for (guint i = 0; i < MIN(names->len, WEB_FILES_MAX); i++) {
         struct stat info;
-        g_autofree char *path = path_of(task->folder, names->pdata[i], SESSION_ENDING);
-        if (lstat(path, &info) == 0 && S_ISDIR(info.st_mode))
-            add_entry(&entries, names->pdata[i], &info, FALSE);
+        g_autofree char *path = web_files_path(task, names->pdata[i], ending);
+        if (lstat(path, &info) == 0 && (info.st_mode & S_IFMT) == type)
+            add_entry(entries, names->pdata[i], &info, type == S_IFREG);
     }
+}
+
+void web_files_sessions(const struct web_task *task) {
+    g_autoptr(GPtrArray) names = web_files_names(task, SESSION_ENDING);
+    GVariantBuilder entries;
+    g_variant_builder_init(&entries, G_VARIANT_TYPE("aa{sv}"));
+    web_files_add(task, names, SESSION_ENDING, S_IFDIR, &entries);
     answer_list(task, "sessions", &entries);
 }
 
-/* Checks that there is a folder and that a name is allowed. Otherwise answers the task and returns
- * FALSE. */
-static gboolean check_name(const struct web_task *task, const char *name) {
+gboolean web_files_check(const struct web_task *task, const char *name) {
     if (!task->folder)
         web_task_refuse(task, SOUP_STATUS_NOT_FOUND,
                         "this server has no folder of sessions: start mesorig-web with "
                         "--sessions DIR");
     else if (!web_files_is_name(name))
         web_task_refuse(task, SOUP_STATUS_NOT_FOUND,
-                        "a name of a session has 1 to 100 bytes, no slash, and does not begin "
-                        "with a period");
+                        "a name has 1 to 100 bytes, no slash, and does not begin with a period");
     else
         return TRUE;
     return FALSE;
 }
 
-char *web_files_directory(const struct web_task *task) {
+char *web_files_directory(const struct web_task *task, const char *name) {
     struct stat info;
-    if (!check_name(task, task->name))
+    if (!web_files_check(task, name))
         return NULL;
-    g_autofree char *path = path_of(task->folder, task->name, SESSION_ENDING);
+    g_autofree char *path = web_files_path(task, name, SESSION_ENDING);
     if (lstat(path, &info) == 0 && S_ISDIR(info.st_mode))
         return g_steal_pointer(&path);
     g_autofree char *why = g_strdup_printf(
         "there is no session directory %s.session in the folder: /api/v1/sessions lists them",
-        task->name);
+        name);
     web_task_refuse(task, SOUP_STATUS_NOT_FOUND, why);
     return NULL;
 }
 
-/* What Validate, Start and QueueAdd need. */
-struct request {
-    char *path, *directory, *text;
-};
-
-static void request_clear(struct request *request) {
-    g_free(request->path);
-    g_free(request->directory);
-    g_free(request->text);
+/* Adds an option of the D-Bus methods with the text of a file, and the option of its path unless
+ * path_key is NULL. Otherwise answers the task and returns FALSE. */
+static gboolean add_file(const struct web_task *task, const char *path, gsize most,
+                         const char *path_key, const char *text_key, GVariantDict *to) {
+    struct stat info;
+    g_autofree char *text = web_files_read(path, most, &info);
+    if (!text) {
+        g_autofree char *name = g_path_get_basename(path);
+        g_autofree char *why = g_strdup_printf(
+            "the file %s cannot be read (%s): it must be a text file in UTF-8 of at most %zu KiB "
+            "and no link; /api/v1/files and /api/v1/calibrations list the files",
+            name, g_strerror(errno), most >> 10);
+        web_task_refuse(task, SOUP_STATUS_NOT_FOUND, why);
+        return FALSE;
+    }
+    if (path_key)
+        g_variant_dict_insert(to, path_key, "s", path);
+    g_variant_dict_insert(to, text_key, "s", text);
+    return TRUE;
 }
 
-/* Reads the session file of a task. Otherwise answers the task and returns FALSE. */
-static gboolean read_request(const struct web_task *task, struct request *ret) {
+/* Calls Validate, Start or QueueAdd with the session file of a task, the calibration and the
+ * session directory that the query names, and these options of the query, which are 0 or 1. */
+static void call_with_file(const struct web_task *task, const char *method,
+                           const char *const *flags, char *(*to_json)(GVariant *answer)) {
     const char *session = web_task_value(task, "session");
-    struct stat info;
-    if (!check_name(task, task->name) || (session && !check_name(task, session)))
-        return FALSE;
-    ret->path = path_of(task->folder, task->name, FILE_ENDING);
-    ret->directory = path_of(task->folder, session ? session : task->name, SESSION_ENDING);
-    ret->text = read_file(ret->path, &info);
-    if (ret->text)
-        return TRUE;
-    g_autofree char *why = g_strdup_printf(
-        "the session file %s.conf cannot be read (%s): it must be a text file in UTF-8 of at most "
-        "%d KiB and no link; /api/v1/files lists the session files",
-        task->name, g_strerror(errno), WEB_FILES_MAX_BYTES >> 10);
-    web_task_refuse(task, SOUP_STATUS_NOT_FOUND, why);
-    return FALSE;
+    const char *calibration = web_task_value(task, "calibration");
+    g_auto(GVariantDict) options = G_VARIANT_DICT_INIT(NULL);
+    if (!web_files_check(task, task->name) || (session && !web_files_check(task, session)) ||
+        (calibration && !web_files_check(task, calibration)))
+        return;
+    for (int i = 0; flags[i]; i++) {
+        gboolean value;
+        if (!web_task_flag(task, flags[i], &value))
+            return;
+        g_variant_dict_insert(&options, flags[i], "b", value);
+    }
+    g_autofree char *path = web_files_path(task, task->name, FILE_ENDING);
+    g_autofree char *directory =
+        web_files_path(task, session ? session : task->name, SESSION_ENDING);
+    g_autofree char *used =
+        calibration ? web_files_path(task, calibration, WEB_FILES_CALIBRATION) : NULL;
+    if (add_file(task, path, WEB_FILES_MAX_BYTES, NULL, "session_text", &options) &&
+        (!used ||
+         add_file(task, used, MAX_CALIBRATION, "calibration", "calibration_text", &options)))
+        web_task_call(task, method,
+                      g_variant_new("(ss@a{sv})", path, directory, g_variant_dict_end(&options)),
+                      to_json);
 }
 
 /* Converts the answer of Validate, (bsa{sv}). */
@@ -206,33 +230,11 @@ static char *plan_json(GVariant *answer) {
 }
 
 void web_files_plan(const struct web_task *task) {
-    struct request request = {0};
-    GVariantDict options;
-    if (read_request(task, &request)) {
-        g_variant_dict_init(&options, NULL);
-        g_variant_dict_insert(&options, "session_text", "s", request.text);
-        web_task_call(task, "Validate",
-                      g_variant_new("(ss@a{sv})", request.path, request.directory,
-                                    g_variant_dict_end(&options)),
-                      plan_json);
-    }
-    request_clear(&request);
+    call_with_file(task, "Validate", (const char *const[]){NULL}, plan_json);
 }
 
 void web_files_start(const struct web_task *task) {
-    struct request request = {0};
-    GVariantDict options;
-    gboolean process;
-    if (web_task_flag(task, "process", &process) && read_request(task, &request)) {
-        g_variant_dict_init(&options, NULL);
-        g_variant_dict_insert(&options, "session_text", "s", request.text);
-        g_variant_dict_insert(&options, "process", "b", process);
-        web_task_call(task, "Start",
-                      g_variant_new("(ss@a{sv})", request.path, request.directory,
-                                    g_variant_dict_end(&options)),
-                      NULL);
-    }
-    request_clear(&request);
+    call_with_file(task, "Start", (const char *const[]){"process", NULL}, NULL);
 }
 
 /* Converts the answer of QueueAdd, (ua{sv}). */
@@ -243,21 +245,7 @@ static char *number_json(GVariant *answer) {
 }
 
 void web_files_queue(const struct web_task *task) {
-    struct request request = {0};
-    GVariantDict options;
-    gboolean process, yes;
-    if (web_task_flag(task, "process", &process) && web_task_flag(task, "yes", &yes) &&
-        read_request(task, &request)) {
-        g_variant_dict_init(&options, NULL);
-        g_variant_dict_insert(&options, "session_text", "s", request.text);
-        g_variant_dict_insert(&options, "process", "b", process);
-        g_variant_dict_insert(&options, "yes", "b", yes);
-        web_task_call(task, "QueueAdd",
-                      g_variant_new("(ss@a{sv})", request.path, request.directory,
-                                    g_variant_dict_end(&options)),
-                      number_json);
-    }
-    request_clear(&request);
+    call_with_file(task, "QueueAdd", (const char *const[]){"process", "yes", NULL}, number_json);
 }
 
 void web_files_resume(const struct web_task *task) {
@@ -265,7 +253,7 @@ void web_files_resume(const struct web_task *task) {
     gboolean process;
     if (!web_task_flag(task, "process", &process))
         return;
-    g_autofree char *directory = web_files_directory(task);
+    g_autofree char *directory = web_files_directory(task, task->name);
     if (!directory)
         return;
     g_variant_dict_init(&options, NULL);

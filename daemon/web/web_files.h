@@ -9,16 +9,45 @@
 
 #include "web_task.h"
 
-#define WEB_FILES_MAX_BYTES (256 << 10) /* maximum size of a session file */
-#define WEB_FILES_MAX       200         /* maximum number of files or directories in a list */
+#include <sys/stat.h>
+
+#define WEB_FILES_MAX_BYTES   (256 << 10) /* maximum size of a session file */
+#define WEB_FILES_MAX         200         /* maximum number of files or directories in a list */
+#define WEB_FILES_CALIBRATION ".calibration"
 
 /* Returns whether a client may use this name: UTF-8 of 1 to 100 bytes, no slash, no control
  * character, no period at the beginning. */
 gboolean web_files_is_name(const char *name);
 
+/* Checks that there is a folder and that a name is allowed. Otherwise answers the task and returns
+ * FALSE. */
+gboolean web_files_check(const struct web_task *task, const char *name);
+
+/* Returns the path of a file in the folder: FOLDER/NAME and the ending; g_free(). */
+char *web_files_path(const struct web_task *task, const char *name, const char *ending);
+
+/* Returns the names in the folder that have this ending, without it, sorted. The list is empty
+ * without a folder. g_ptr_array_unref() */
+GPtrArray *web_files_names(const struct web_task *task, const char *ending);
+
+/* Returns the text of a file of at most `most` bytes; g_free(). Returns NULL with errno if it
+ * cannot be read, is a link or no regular file, is too large, or is not UTF-8. A FIFO does not
+ * block. */
+char *web_files_read(const char *path, gsize most, struct stat *ret_info);
+
+/* Adds an entry {"name", "bytes", "changed"} for each file FOLDER/NAME.conf that has this section,
+ * such as "[session]". */
+void web_files_add_section(const struct web_task *task, const char *section,
+                           GVariantBuilder *entries);
+
+/* Adds an entry {"name", "changed"}, for a file also "bytes", for each of these names with this
+ * ending that has this type, S_IFREG or S_IFDIR. */
+void web_files_add(const struct web_task *task, const GPtrArray *names, const char *ending,
+                   mode_t type, GVariantBuilder *entries);
+
 /* Returns FOLDER/NAME.session if it is a directory and no link; g_free(). Otherwise answers the
  * task and returns NULL. */
-char *web_files_directory(const struct web_task *task);
+char *web_files_directory(const struct web_task *task, const char *name);
 
 /* {"folder": true, "files": [{"name", "bytes", "changed"}, …]}. A file is listed if it has the
  * line [session]. */
@@ -27,7 +56,8 @@ void web_files_list(const struct web_task *task);
 void web_files_sessions(const struct web_task *task);
 
 /* Plan, start or queue a session file. The query may have the name of the session (session=weave2;
- * by default that of the file) and, except for a plan, process=1. queue also has yes=1. */
+ * by default that of the file), the name of a calibration instead of that of the rig file
+ * (calibration=rig2) and, except for a plan, process=1. queue also has yes=1. */
 void web_files_plan(const struct web_task *task);
 void web_files_start(const struct web_task *task);
 void web_files_queue(const struct web_task *task);

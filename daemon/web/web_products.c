@@ -1,17 +1,13 @@
 #include "web_products.h"
 
 #include "base/json.h"
-#include "base/program.h"
 #include "web_files.h"
 
 #include <glib/gstdio.h>
 #include <libsoup/soup.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 
-#define NICE        10   /* of the child process */
-#define MAX_WHY     1000 /* bytes of an error message */
 #define MAX_FILE    (256 << 20)
 #define N_ARGUMENTS 4
 
@@ -33,18 +29,10 @@ struct product {
     gint64 begun_us; /* real time when it was begun to be made */
 };
 
-/* A file that is being made. */
-struct making {
-    WebProducts *products; /* NULL after web_products_free() */
-    struct product *product;
-    GSubprocess *process;
-    guint limit_id;
-};
-
 struct WebProducts {
-    char *folder;    /* NULL until the first file is made */
-    GPtrArray *list; /* of struct product, the oldest first */
-    struct making *making;
+    char *folder;           /* NULL until the first file is made */
+    GPtrArray *list;        /* of struct product, the oldest first */
+    struct product *making; /* NULL if no file is being made */
     struct product *failed; /* the last file, if it could not be made */
     char *why;              /* of failed */
     guint n_made;
@@ -69,12 +57,6 @@ WebProducts *web_products_new(void) {
 void web_products_free(WebProducts *products) {
     if (!products)
         return;
-    if (products->making) {
-        products->making->products = NULL;
-        g_subprocess_force_exit(products->making->process);
-        g_subprocess_wait(products->making->process, NULL, NULL);
-        g_unlink(products->making->product->path);
-    }
     g_ptr_array_unref(products->list);
     product_free(products->failed);
     if (products->folder)
@@ -116,84 +98,43 @@ static struct product *find(const struct web_task *task, const struct kind *kind
     return NULL;
 }
 
-/* Returns the message of mesorig without its progress; g_free(). */
-static char *message_of(GBytes *bytes) {
-    gsize length = 0;
-    const char *data = bytes ? g_bytes_get_data(bytes, &length) : NULL;
-    g_autofree char *all = g_strndup(data ? data : "", length);
-    const char *last = g_strrstr(all, "mesorig: ");
-    g_autofree char *text = g_strndup(last ? last + strlen("mesorig: ") : all, MAX_WHY);
-    g_strstrip(text);
-    return *text ? g_utf8_make_valid(text, -1)
-                 : g_strdup("mesorig has ended without a message: it took too long, or the "
-                            "computer has too little memory");
-}
-
-static void on_made(GObject *process, GAsyncResult *result, gpointer data) {
-    struct making *making = data;
-    WebProducts *products = making->products;
-    g_autoptr(GBytes) said = NULL;
-    const gboolean ended =
-        g_subprocess_communicate_finish(G_SUBPROCESS(process), result, NULL, &said, NULL);
-    g_clear_handle_id(&making->limit_id, g_source_remove);
-    if (!products) {
-        product_free(making->product);
-    } else if (ended && g_subprocess_get_successful(making->process)) {
-        g_ptr_array_add(products->list, making->product);
+static void on_made(gboolean ok, const char *text, gpointer data) {
+    WebProducts *products = data;
+    struct product *product = g_steal_pointer(&products->making);
+    if (ok) {
+        g_ptr_array_add(products->list, product);
         if (products->list->len > WEB_PRODUCTS_MAX)
             g_ptr_array_remove_index(products->list, 0);
     } else {
-        products->failed = making->product;
-        products->why = message_of(said);
+        products->failed = product;
+        products->why = g_strdup(text);
     }
-    if (products)
-        products->making = NULL;
-    g_object_unref(making->process);
-    g_free(making);
-}
-
-static gboolean on_limit(gpointer data) {
-    struct making *making = data;
-    making->limit_id = 0;
-    g_subprocess_force_exit(making->process);
-    return G_SOURCE_REMOVE;
-}
-
-static void be_nice(gpointer data) {
-    setpriority(PRIO_PROCESS, 0, NICE);
 }
 
 /* Starts the child process. Returns FALSE with an error if it cannot be started. */
-static gboolean start(WebProducts *products, const char *session, const char *directory,
-                      const struct kind *kind, GError **error) {
-    g_autofree char *program = program_find("mesorig", error);
-    if (!program ||
-        (!products->folder && !(products->folder = g_dir_make_tmp("mesorig-web-XXXXXX", error))))
+static gboolean start(const struct web_task *task, const char *directory, const struct kind *kind,
+                      GError **error) {
+    WebProducts *products = task->products;
+    if (!products->folder && !(products->folder = g_dir_make_tmp("mesorig-web-XXXXXX", error)))
         return FALSE;
     g_autofree char *name = g_strdup_printf("%u-%s", ++products->n_made, kind->file);
     g_autofree char *path = g_build_filename(products->folder, name, NULL);
-    const char *argv[N_ARGUMENTS + 5] = {program};
-    int n = 1;
+    const char *arguments[N_ARGUMENTS + 4];
+    int n = 0;
     for (int i = 0; i < N_ARGUMENTS && kind->arguments[i]; i++)
-        argv[n++] = kind->arguments[i];
-    argv[n++] = directory;
-    argv[n++] = "-o";
-    argv[n++] = path;
-    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(
-        G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
-    g_subprocess_launcher_set_child_setup(launcher, be_nice, NULL, NULL);
-    GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, error);
-    if (!process)
+        arguments[n++] = kind->arguments[i];
+    arguments[n++] = directory;
+    arguments[n++] = "-o";
+    arguments[n++] = path;
+    arguments[n] = NULL;
+    if (!web_child_start(task->child, arguments, on_made, products, error))
         return FALSE;
     product_free(products->failed);
     products->failed = NULL;
     g_clear_pointer(&products->why, g_free);
-    struct product *product = g_new(struct product, 1);
-    *product = (struct product){g_strdup(session), kind, g_steal_pointer(&path), g_get_real_time()};
-    struct making *making = products->making = g_new0(struct making, 1);
-    *making = (struct making){products, product, process,
-                              g_timeout_add_seconds(WEB_PRODUCTS_LIMIT_S, on_limit, making)};
-    g_subprocess_communicate_async(process, NULL, NULL, on_made, making);
+    products->making = g_new(struct product, 1);
+    *products->making =
+        (struct product){g_strdup(task->name), kind, g_steal_pointer(&path), g_get_real_time()};
     return TRUE;
 }
 
@@ -209,13 +150,10 @@ void web_products_make(const struct web_task *task) {
                         "the query needs the file to make: product=report, page or gltf");
         return;
     }
-    g_autofree char *directory = web_files_directory(task);
+    g_autofree char *directory = web_files_directory(task, task->name);
     if (!directory)
         return;
-    if (task->products->making)
-        web_task_refuse(task, SOUP_STATUS_CONFLICT,
-                        "another file is being made: try again when it is ready");
-    else if (!start(task->products, task->name, directory, kind, &error))
+    if (!start(task, directory, kind, &error))
         web_task_refuse(task, SOUP_STATUS_CONFLICT, error->message);
     else
         web_task_answer(task, SOUP_STATUS_OK, "{}\n");
@@ -255,8 +193,7 @@ void web_products_list(const struct web_task *task) {
         g_variant_builder_close(&list);
     }
     g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&to, "{sv}", "making",
-                          describe(products->making ? products->making->product : NULL, NULL));
+    g_variant_builder_add(&to, "{sv}", "making", describe(products->making, NULL));
     g_variant_builder_add(&to, "{sv}", "failed", describe(products->failed, products->why));
     g_variant_builder_add(&to, "{sv}", "products", g_variant_builder_end(&list));
     g_autofree char *json = json_text(g_variant_builder_end(&to));

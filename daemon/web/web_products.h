@@ -1,19 +1,18 @@
 /*
  * The tasks of files that are made of a session directory (web_task.h): its report, a page with the
- * material in 3D, and a glTF file. A child process, `mesorig`, makes one file at a time, and at
- * most WEB_PRODUCTS_LIMIT_S long. The files are in a temporary folder, which is removed when the
- * server ends. A file is out of date when its session was changed later. The name of a task is that
- * of the session.
+ * material in 3D, and a glTF file. A child process makes them (web_child.h). The files are in a
+ * temporary folder, which is removed when the server ends. A file is out of date when its session
+ * was changed later. The name of a task is that of the session.
  */
 #pragma once
 
 #include "web_task.h"
 
-#define WEB_PRODUCTS_MAX     16 /* files that are kept; the oldest one is removed */
-#define WEB_PRODUCTS_LIMIT_S 1800
+#define WEB_PRODUCTS_MAX 16 /* files that are kept; the oldest one is removed */
 
 WebProducts *web_products_new(void);
-void web_products_free(WebProducts *products); /* NULL is ignored; ends the child process */
+/* The child must have been freed before. NULL is ignored. */
+void web_products_free(WebProducts *products);
 
 /* Begins to make a file. The query names it: product=report, page or gltf. The answer is {}. */
 void web_products_make(const struct web_task *task);

@@ -1,6 +1,7 @@
 #include "web_server.h"
 
 #include "base/json.h"
+#include "web_calibrations.h"
 #include "web_door.h"
 #include "web_material.h"
 #include "web_origin.h"
@@ -39,6 +40,8 @@ struct WebServer {
     gboolean safe_needs_token;
     WebSnaps *snaps;
     WebProducts *products;
+    WebCalibrations *calibrations;
+    WebChild *child;
     char *sessions;     /* folder of sessions; NULL if there is none */
     char *address;      /* address on which the server listens */
     GPtrArray *origins; /* of char *: origins of the server's names (web_origin.h) */
@@ -317,6 +320,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
                  {"/style.css", "style.css", "text/css; charset=utf-8"},
                  {"/app.js", "app.js", "text/javascript; charset=utf-8"},
                  {"/sessions.js", "sessions.js", "text/javascript; charset=utf-8"},
+                 {"/calibrate.js", "calibrate.js", "text/javascript; charset=utf-8"},
                  {"/hands.js", "hands.js", "text/javascript; charset=utf-8"},
                  {"/snaps.js", "snaps.js", "text/javascript; charset=utf-8"},
                  {"/material.js", "material.js", "text/javascript; charset=utf-8"}};
@@ -601,8 +605,16 @@ static void do_task(WebServer *server, SoupServerMessage *message, const struct 
         return;
     if (path->acts)
         web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
-    path->run(&(struct web_task){server->rig, server->sessions, server->products, server->snaps,
-                                 name, query, on_task, waiting});
+    path->run(&(struct web_task){.rig = server->rig,
+                                 .folder = server->sessions,
+                                 .products = server->products,
+                                 .calibrations = server->calibrations,
+                                 .child = server->child,
+                                 .snaps = server->snaps,
+                                 .name = name,
+                                 .query = query,
+                                 .back = on_task,
+                                 .data = waiting});
 }
 
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
@@ -689,6 +701,8 @@ WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError
     server->sessions = g_strdup(options->sessions);
     server->snaps = web_snaps_new();
     server->products = web_products_new();
+    server->calibrations = web_calibrations_new();
+    server->child = web_child_new();
     server->calls = g_rc_box_new0(int);
     server->address = g_strdup(options->address ? options->address : "127.0.0.1");
     server->origins = g_ptr_array_new_with_free_func(g_free);
@@ -728,7 +742,9 @@ void web_server_free(WebServer *server) {
     g_ptr_array_unref(server->streams);
     g_ptr_array_unref(server->origins);
     web_snaps_unref(server->snaps);
+    web_child_free(server->child);
     web_products_free(server->products);
+    web_calibrations_free(server->calibrations);
     g_free(server->sessions);
     g_free(server->address);
     g_free(server->token);

@@ -5,10 +5,12 @@
  */
 #pragma once
 
+#include "web_child.h"
 #include "web_rig.h"
 
-typedef struct WebSnaps WebSnaps;       /* web_snaps.h */
-typedef struct WebProducts WebProducts; /* web_products.h */
+typedef struct WebSnaps WebSnaps;               /* web_snaps.h */
+typedef struct WebProducts WebProducts;         /* web_products.h */
+typedef struct WebCalibrations WebCalibrations; /* web_calibrations.h */
 
 /* Receives the answer to a request: an HTTP status, a content type and a body. The callee owns
  * neither type nor body. */
@@ -19,10 +21,12 @@ struct web_task {
     WebRig *rig;
     const char *folder;    /* absolute path of the folder of sessions; NULL if there is none */
     WebProducts *products; /* files that were made of sessions */
-    WebSnaps *snaps;       /* the last picture on request */
-    const char *name;      /* the part of the path that the client chooses; "" if there is none */
-    GHashTable *query;     /* char * → char *; NULL if the request has no query */
-    WebTaskAnswer back;    /* called once, within that call or later */
+    WebCalibrations *calibrations;
+    WebChild *child;    /* computes one thing at a time */
+    WebSnaps *snaps;    /* the last picture on request */
+    const char *name;   /* the part of the path that the client chooses; "" if there is none */
+    GHashTable *query;  /* char * → char *; NULL if the request has no query */
+    WebTaskAnswer back; /* called once, within that call or later */
     gpointer data;
 };
 

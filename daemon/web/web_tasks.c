@@ -1,5 +1,6 @@
 #include "web_tasks.h"
 
+#include "web_calibrations.h"
 #include "web_files.h"
 #include "web_hands.h"
 #include "web_products.h"
@@ -20,6 +21,11 @@ static const struct web_task_path paths[] = {
     {"sessions/", "/page.html", FALSE, web_products_page},
     {"sessions/", "/material.glb", FALSE, web_products_gltf},
     {"products", NULL, FALSE, web_products_list},
+    {"calibrations", NULL, FALSE, web_calibrations_list},
+    {"calibrations/", "/find", TRUE, web_calibrations_find},
+    {"calibrations/", "/keep", TRUE, web_calibrations_keep},
+    {"calibrations/", "/page.html", FALSE, web_calibrations_page},
+    {"calibrations/", "/board.pdf", FALSE, web_calibrations_board},
     {"queue/pause", NULL, TRUE, web_queue_pause},
     {"queue/resume", NULL, TRUE, web_queue_resume},
     {"queue/", "/remove", TRUE, web_queue_remove},

@@ -1,8 +1,8 @@
 /*
  * The requests of clients that are more than to look at the rig: session files and session
- * directories in one folder, files that are made of them, the queue, lights by hand, and pictures
- * on request. A request is a path below /api/v1/, such as "files/weave/plan", with a query such as
- * "session=weave2". All functions belong to the main loop's thread.
+ * directories in one folder, files that are made of them, calibrations, the queue, lights by hand,
+ * and pictures on request. A request is a path below /api/v1/, such as "files/weave/plan", with a
+ * query such as "session=weave2". All functions belong to the main loop's thread.
  */
 #pragma once
 

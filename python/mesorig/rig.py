@@ -14,7 +14,7 @@ import json
 import urllib.error
 import urllib.parse
 import urllib.request
-from typing import Any, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 
 from ._error import Error
 
@@ -146,22 +146,72 @@ class Rig:
         }
         return self._json(place + "?" + urllib.parse.urlencode(given), "POST")
 
-    def plan(self, file: str, session: Optional[str] = None) -> Dict[str, Any]:
+    def plan(
+        self, file: str, session: Optional[str] = None, calibration: Optional[str] = None
+    ) -> Dict[str, Any]:
         """Checks a session file. Returns ok, report (the plan, or all mistakes) and plan, with predicted_s, bytes and
-        more. session is the name of the session directory; by default that of the file."""
-        return self._command(("files", file, "plan"), session=session)
+        more. session is the name of the session directory; by default that of the file. calibration is the name of a
+        calibration of the folder; by default that of the rig file."""
+        return self._command(("files", file, "plan"), session=session, calibration=calibration)
 
-    def start(self, file: str, session: Optional[str] = None, process: bool = False) -> None:
+    def start(
+        self,
+        file: str,
+        session: Optional[str] = None,
+        process: bool = False,
+        calibration: Optional[str] = None,
+    ) -> None:
         """Begins to capture a session file at once, without test shots."""
-        self._command(("files", file, "start"), session=session, process=process)
+        self._command(
+            ("files", file, "start"), session=session, process=process, calibration=calibration
+        )
 
     def enqueue(
-        self, file: str, session: Optional[str] = None, process: bool = False, yes: bool = False
+        self,
+        file: str,
+        session: Optional[str] = None,
+        process: bool = False,
+        yes: bool = False,
+        calibration: Optional[str] = None,
     ) -> int:
         """Adds a session file at the end of the queue, which takes test shots first, and returns its number. With yes
         it is captured even if they give a warning."""
-        answer = self._command(("files", file, "queue"), session=session, process=process, yes=yes)
+        answer = self._command(
+            ("files", file, "queue"),
+            session=session,
+            process=process,
+            yes=yes,
+            calibration=calibration,
+        )
         return answer["number"]
+
+    def calibrations(self) -> Dict[str, Any]:
+        """The calibrations of the folder, the targets, the drafts with the steps that were computed, and the step that
+        is being computed (working, or None) or has failed (failed, or None)."""
+        return self._json("calibrations")
+
+    def calibrate(
+        self,
+        calibration: str,
+        step: str,
+        sessions: Sequence[str] = (),
+        **options: Union[str, float],
+    ) -> None:
+        """Begins a step of a calibration: "board", "cameras", "lights", "laser", "radiometry" or "report". sessions are
+        names of sessions of the target. Options are board, target and reflectance."""
+        names = "/".join(sessions) or None
+        self._command(("calibrations", calibration, "find"), step=step, sessions=names, **options)
+
+    def calibration_page(self, calibration: str, step: str) -> bytes:
+        """The page of a step with the pictures and what was found in them, that of the last step if it has "failed", or
+        the "report"."""
+        name = urllib.parse.quote(calibration, safe="")
+        with self._open("calibrations/%s/page.html?step=%s" % (name, step)) as answer:
+            return answer.read()
+
+    def keep_calibration(self, calibration: str) -> None:
+        """Stores the result of the last step as a calibration of the folder. No calibration is replaced."""
+        self._command(("calibrations", calibration, "keep"))
 
     def make(self, session: str, product: str) -> None:
         """Begins to make a file of a session: "report", "page" (the material in 3D) or "gltf"."""

@@ -10,6 +10,8 @@
 #include <libsoup/soup.h>
 #include <string.h>
 
+#define NARROWEST 500 /* px */
+
 struct Browser {
     GSubprocess *driver;
     SoupSession *http;
@@ -64,15 +66,22 @@ Browser *browser_new(int width, int height) {
         G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL, argv);
     UNTIL (answers(browser->port))
         g_usleep(G_USEC_PER_SEC / 10);
+    /* Chromium makes no window narrower than 500 pixels, but shows pages as if it were. */
+    g_autofree char *phone =
+        width < NARROWEST ? g_strdup_printf("\"mobileEmulation\": {\"deviceMetrics\": {\"width\": "
+                                            "%d, \"height\": %d, \"pixelRatio\": 1, \"mobile\": "
+                                            "false, \"touch\": false}}, ",
+                                            width, height)
+                          : g_strdup("");
     g_autofree char *wish = g_strdup_printf(
         "{\"capabilities\": {\"alwaysMatch\": {\"timeouts\": {\"script\": 240000}, "
-        "\"goog:chromeOptions\": {\"args\": "
+        "\"goog:chromeOptions\": {%s\"args\": "
         "[\"--headless=new\","
         " \"--no-sandbox\", \"--disable-gpu\", \"--use-angle=swiftshader\", "
         "\"--enable-unsafe-swiftshader\", \"--disable-quic\", \"--no-first-run\", "
         "\"--disable-background-networking\", \"--disable-component-update\", \"--disable-sync\", "
         "\"--disable-dev-shm-usage\", \"--window-size=%d,%d\", \"--user-data-dir=%s\"]}}}}",
-        width, height, browser->profile);
+        phone, width, height, browser->profile);
     g_autoptr(JsonNode) value = call(browser, "POST", "/session", wish);
     browser->session =
         g_strdup(json_object_get_string_member(json_node_get_object(value), "sessionId"));
@@ -129,4 +138,28 @@ void browser_press(Browser *browser, const char *id) {
     g_autofree char *click = g_strdup_printf("document.getElementById('%s').click()", id);
     browser_wait(browser, ready);
     g_free(browser_value(browser, click));
+}
+
+void browser_set(Browser *browser, const char *id, const char *value) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    json_append_string(text, value);
+    g_autofree char *script = g_strdup_printf(
+        "(e => { e.value = %s; e.dispatchEvent(new Event('input', {bubbles: true})); "
+        "e.dispatchEvent(new Event('change', {bubbles: true})); })(document.getElementById('%s'))",
+        text->str, id);
+    g_free(browser_value(browser, script));
+}
+
+void browser_picture(Browser *browser, const char *id, const char *path) {
+    g_autofree char *shown =
+        g_strdup_printf("document.getElementById('%s').offsetParent !== null", id);
+    g_autofree char *scroll = g_strdup_printf("document.getElementById('%s').scrollIntoView()", id);
+    g_autofree char *place = g_strdup_printf("/session/%s/screenshot", browser->session);
+    browser_wait(browser, shown);
+    g_free(browser_value(browser, scroll));
+    g_usleep(G_USEC_PER_SEC / 2); /* frames and pictures are drawn later */
+    g_autoptr(JsonNode) value = call(browser, "GET", place, NULL);
+    gsize n;
+    g_autofree guchar *png = g_base64_decode(json_node_get_string(value), &n);
+    ok(g_file_set_contents(path, (const char *)png, (gssize)n, ERR));
 }

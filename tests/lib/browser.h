@@ -19,3 +19,10 @@ void browser_press(Browser *browser, const char *id);
 
 /* Waits until an expression is true, for at most WAIT_S (lib/wait.h). */
 void browser_wait(Browser *browser, const char *expression);
+
+/* Sets the value of an input or select, and tells the page that a user did so. */
+void browser_set(Browser *browser, const char *id, const char *value);
+
+/* Waits until the element is visible, moves it to the top of the window, and writes the window as a
+ * PNG file. */
+void browser_picture(Browser *browser, const char *id, const char *path);

@@ -26,7 +26,8 @@ void site_start_daemon(struct site *site) {
     start_daemon(site, 0);
 }
 
-struct site *site_new(int flags, const struct change *changes) {
+static struct site *start(int flags, const struct change *changes,
+                          void (*write)(const char *folder)) {
     struct site *site = g_new0(struct site, 1);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) argv = g_ptr_array_new();
@@ -35,6 +36,8 @@ struct site *site_new(int flags, const struct change *changes) {
     site->log = g_build_filename(site->run->directory, "web.log", NULL);
     g_autofree char *token = g_build_filename(site->run->directory, "token", NULL);
     g_assert_true(g_file_set_contents(token, SITE_TOKEN "\n", -1, NULL));
+    if (write)
+        write(site->run->directory);
     start_daemon(site, flags);
     /* If libsoup is told to continue a message that has already ended, this is an error of the
      * server. */
@@ -70,6 +73,31 @@ struct site *site_new(int flags, const struct change *changes) {
     site->port = (guint16)g_uri_get_port(uri);
     site->http = soup_session_new_with_options("timeout", SITE_WAIT_S, NULL);
     return site;
+}
+
+struct site *site_new(int flags, const struct change *changes) {
+    return start(flags, changes, NULL);
+}
+
+struct site *site_new_of(int flags, void (*write)(const char *folder)) {
+    return start(flags, NULL, write);
+}
+
+static void call_daemon(const struct site *site, const char *method, GVariant *arguments) {
+    g_autoptr(GDBusConnection) bus = ok(g_dbus_connection_new_for_address_sync(
+        site->bus, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
+    g_variant_unref(ok(g_dbus_connection_call_sync(
+        bus, NULL, "/org/mesorig/Rig1", "org.mesorig.Rig1", method, arguments, NULL,
+        G_DBUS_CALL_FLAGS_NONE, SITE_WAIT_S * 1000, NULL, ERR)));
+}
+
+void site_open(const struct site *site) {
+    call_daemon(site, "OpenRig", g_variant_new("(s)", site->run->rig));
+}
+
+void site_reopen(const struct site *site) {
+    call_daemon(site, "CloseRig", NULL);
+    site_open(site);
 }
 
 void site_free(struct site *site) {
@@ -178,9 +206,28 @@ char *site_look(const struct site *site, const char *path) {
     return text;
 }
 
+void site_wait(const struct site *site, const char *path, const char *words, gboolean has) {
+    g_autofree char *text = NULL;
+    for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
+        g_free(text);
+        text = site_look(site, path);
+        if ((strstr(text, words) != NULL) == has)
+            return;
+        g_usleep(G_USEC_PER_SEC / 10);
+    }
+    g_error("within %d s %s %s %s: %s", SITE_WAIT_S, path, has ? "did not have" : "had", words,
+            text);
+}
+
+Browser *site_browse(const struct site *site, int width, int height) {
+    Browser *browser = browser_new(width, height);
+    browser_open(browser, site->uri);
+    return browser;
+}
+
 void site_unlock(Browser *browser) {
     browser_press(browser, "unlock");
-    g_free(browser_value(browser, "(document.getElementById('token').value = '" SITE_TOKEN
-                                  "', document.getElementById('token-form').requestSubmit())"));
+    browser_set(browser, "token", SITE_TOKEN);
+    g_free(browser_value(browser, "document.getElementById('token-form').requestSubmit()"));
     browser_wait(browser, "document.getElementById('unlock').hidden");
 }

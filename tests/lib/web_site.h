@@ -30,6 +30,13 @@ enum {
 /* Starts the daemon and the server. changes are changes of the rig file, or NULL. */
 struct site *site_new(int flags, const struct change *changes);
 
+/* The same for another rig: write() replaces the files of the folder before the daemon starts. */
+struct site *site_new_of(int flags, void (*write)(const char *folder));
+
+/* Closes the rig and opens it again, so that the daemon reads the changed files of the world. */
+void site_reopen(const struct site *site);
+void site_open(const struct site *site); /* opens the rig in a daemon without a rig */
+
 /* Ends the server and the daemon with SIGTERM. Both must then exit with code 0. */
 void site_free(struct site *site);
 
@@ -50,6 +57,13 @@ char *site_does(const struct site *site, guint status, const char *path);
 
 /* Returns the answer to a GET request, which must succeed; g_free(). */
 char *site_look(const struct site *site, const char *path);
+
+/* Waits until the answer to a GET request has these words or, if has is FALSE, does not have them.
+ */
+void site_wait(const struct site *site, const char *path, const char *words, gboolean has);
+
+/* Opens the page in a browser whose window has this size; browser_free(). */
+Browser *site_browse(const struct site *site, int width, int height);
 
 /* Types the token into the page. */
 void site_unlock(Browser *browser);

@@ -4,6 +4,8 @@
 let planned = ""; // file and name of the last plan without a mistake; Start and Add to queue need it
 let hasFolder = false;
 let sessionsShown = "";
+let sessionList = []; // of the folder: name, changed
+let fileList = [];
 
 // Returns the path of a command for the chosen file, with its query.
 function filePath(what, query) {
@@ -11,7 +13,7 @@ function filePath(what, query) {
 }
 
 function chosen() {
-  return JSON.stringify([$("file").value, $("session-name").value]);
+  return JSON.stringify([$("file").value, $("session-name").value, $("calibration").value]);
 }
 
 // Enables the buttons that are of use now.
@@ -39,6 +41,12 @@ function showCapture() {
   for (const button of document.querySelectorAll("#sessions .resume"))
     button.disabled = !token || !isFree || state.latched;
   showProducts();
+}
+
+// Returns what a request says about the session: its name, and the calibration unless it is that of the rig file.
+function sessionQuery(more) {
+  const calibration = $("calibration").value;
+  return { session: $("session-name").value, ...(calibration && { calibration }), ...more };
 }
 
 function size(bytes) {
@@ -79,7 +87,7 @@ async function makePlan() {
   planned = "";
   showCapture();
   $("plan-answer").replaceChildren(element("p", "faint", "The plan is being made …"));
-  const told = await act(filePath("plan", { session: $("session-name").value }));
+  const told = await act(filePath("plan", sessionQuery({})));
   if (at !== chosen()) return; // another file was chosen meanwhile
   if (told) showPlan(told); else $("plan-answer").replaceChildren();
   if (told && told.ok) planned = at;
@@ -87,12 +95,25 @@ async function makePlan() {
 }
 
 async function begin(what) {
-  const query = { session: $("session-name").value, process: $("process").checked ? 1 : 0 };
+  const query = sessionQuery({ process: $("process").checked ? 1 : 0 });
   planned = ""; // a second press must not begin a second capture
   showCapture();
   const told = await act(filePath(what, query));
   if (!told) return;
   $("plan-answer").replaceChildren(element("p", "", what === "start" ? "The capture has begun." : `Added to the queue as number ${told.number}.`));
+}
+
+// Offers these values in an element <select>, after those that it always has, and keeps the chosen one.
+function choices(select, names, always = []) {
+  const old = select.value, shown = [...always, ...names.map(name => [name, name])];
+  if (select.dataset.shown === JSON.stringify(shown)) return;
+  select.dataset.shown = JSON.stringify(shown);
+  select.replaceChildren(...shown.map(([value, label]) => {
+    const option = element("option", "", label);
+    option.value = value;
+    option.selected = value === old;
+    return option;
+  }));
 }
 
 function showSessions(list) {
@@ -182,17 +203,15 @@ $("product-close").onclick = () => {
 async function loadFiles() {
   const told = await getJson("files");
   hasFolder = told.folder;
+  fileList = told.files;
   const old = $("file").value;
-  $("file").replaceChildren(...told.files.map(file => {
-    const option = element("option", "", file.name);
-    option.value = file.name;
-    option.selected = file.name === old;
-    return option;
-  }));
+  choices($("file"), told.files.map(file => file.name));
   if ($("file").value !== old) chooseFile();
   if (hasFolder) {
-    showSessions((await getJson("sessions")).sessions);
+    sessionList = (await getJson("sessions")).sessions;
+    showSessions(sessionList);
     await loadProducts();
+    await loadCalibrations();
   }
   showCapture();
 }
@@ -204,6 +223,7 @@ function chooseFile() {
 }
 
 $("file").onchange = chooseFile;
+$("calibration").onchange = () => { $("plan-answer").replaceChildren(); showCapture(); };
 $("session-name").oninput = () => { $("plan-answer").replaceChildren(); showCapture(); };
 $("capture-form").onsubmit = event => { event.preventDefault(); makePlan(); };
 $("start").onclick = () => begin("start");

@@ -72,7 +72,7 @@ TEST(description) {
                                 SITE_TOKEN, NULL};
     site_capture(site);
     g_autofree char *said = process_text(0, argv);
-    assert_has(said, "check_description: 37 operations");
+    assert_has(said, "check_description: 42 operations");
     site_free(site);
 }
 
@@ -271,8 +271,7 @@ TEST(survives) {
 
 TEST(in_browser) {
     struct site *site = site_new(0, NULL);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     browser_wait(browser, "document.getElementById('state').textContent == 'closed'");
     site_capture(site);
     browser_wait(browser, "document.getElementById('state').textContent == 'done'");
@@ -502,8 +501,7 @@ TEST(faults) {
                                          {"[camera cam60]", "fault_reconnect_s = 100000"},
                                          {0}};
     struct site *site = site_new(0, gone);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     operator_does(site->run, 1, "capture", "--address", site->bus, site->run->rig, site->run->conf,
                   "-o", site->run->session, NULL);
     browser_wait(browser, "document.getElementById('state').textContent == 'paused'");
@@ -528,8 +526,7 @@ TEST(faults) {
 /* A server without a token offers the safe state only, and names commands for the rest. */
 TEST(shows_only) {
     struct site *site = site_new(SITE_SHOWS, NULL);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     browser_wait(browser, "document.getElementById('state').textContent == 'closed'");
     browser_wait(browser, "['pause', 'continue', 'abort', 'release', 'unlock'].every(b => "
                           "document.getElementById(b).hidden)");

@@ -25,22 +25,8 @@ static JsonObject *object_of(JsonParser *parser) {
     return json_node_get_object(json_parser_get_root(parser));
 }
 
-/* Waits until the state has these words or, if has is FALSE, does not have them. */
-static void wait_until(const struct site *site, const char *words, gboolean has) {
-    g_autofree char *text = NULL;
-    for (int i = 0; i < 10 * SITE_WAIT_S; i++) {
-        g_free(text);
-        text = site_look(site, "api/v1/state");
-        if ((strstr(text, words) != NULL) == has)
-            return;
-        g_usleep(G_USEC_PER_SEC / 10);
-    }
-    g_error("within %d s the state %s %s: %s", SITE_WAIT_S, has ? "did not have" : "had", words,
-            text);
-}
-
 static void wait_for(const struct site *site, const char *words) {
-    wait_until(site, words, TRUE);
+    site_wait(site, "api/v1/state", words, TRUE);
 }
 
 /* A session file is listed, planned as `mesorig plan` does, captured, and resumed. */
@@ -241,7 +227,7 @@ TEST(lights) {
     g_free(site_does(site, 200, "api/v1/lasers/laser30/on?for_s=2"));
     wait_for_health(site, "laser", "off");
     /* laser60 was off all the time: ask until both are. */
-    wait_until(site, "\"health\": \"on\"", FALSE);
+    site_wait(site, "api/v1/state", "\"health\": \"on\"", FALSE);
     g_assert_cmpint(g_get_monotonic_time() - begun, >=, 2 * G_USEC_PER_SEC);
     g_free(site_does(site, 200, "api/v1/lamps/lamp30/on?for_s=15"));
     g_assert_cmpuint(site_ask(site, "POST", "api/v1/safe", NULL, NULL), ==, 200);
@@ -302,8 +288,7 @@ TEST(pictures) {
 /* From the page alone: a plan, a capture, a session in the queue. On a desktop, then on a phone. */
 static void capture_from_page(int width, int height) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
-    Browser *browser = browser_new(width, height);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, width, height);
     browser_wait(browser, "document.getElementById('state').textContent == 'idle'");
     browser_wait(browser, "document.getElementById('file').value == 'session'");
     browser_wait(browser, "document.getElementById('plan').disabled");
@@ -313,9 +298,7 @@ static void capture_from_page(int width, int height) {
     browser_wait(browser, "/Time.*On disk.*Shots13/.test("
                           "document.querySelector('#plan-answer dl')?.textContent)");
     /* Another name needs another plan. */
-    g_free(browser_value(
-        browser, "(document.getElementById('session-name').value = 'from page', "
-                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    browser_set(browser, "session-name", "from page");
     browser_wait(browser, "document.getElementById('start').disabled");
     browser_press(browser, "plan");
     browser_press(browser, "start");
@@ -325,18 +308,14 @@ static void capture_from_page(int width, int height) {
     operator_does(site->run, 0, "verify", made, NULL);
     browser_press(browser, "queue-pause");
     browser_wait(browser, "document.getElementById('queue-pause').disabled");
-    g_free(browser_value(
-        browser, "(document.getElementById('session-name').value = 'queued', "
-                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    browser_set(browser, "session-name", "queued");
     browser_press(browser, "plan");
     browser_press(browser, "enqueue");
     browser_wait(browser, "document.querySelectorAll('#queue li').length == 1");
     g_free(browser_value(browser, "document.querySelector('#queue button').click()"));
     browser_wait(browser, "document.querySelectorAll('#queue li').length == 0");
     /* A mistake is shown, and Start stays disabled. */
-    g_free(browser_value(
-        browser, "(document.getElementById('session-name').value = 'from page', "
-                 "document.getElementById('session-name').dispatchEvent(new Event('input')))"));
+    browser_set(browser, "session-name", "from page");
     browser_press(browser, "plan");
     browser_wait(browser, "document.querySelector('#plan-answer .mistakes') && "
                           "document.getElementById('start').disabled");
@@ -350,8 +329,7 @@ static void capture_from_page(int width, int height) {
  * begins; and off at the end of the lease when the renewals do not arrive. */
 TEST(lights_of_the_page) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS, NULL);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     browser_wait(browser, "document.querySelectorAll('#light option').length == 4");
     browser_wait(browser, "document.getElementById('light-on').disabled");
     site_unlock(browser);
@@ -393,8 +371,7 @@ TEST(lights_of_the_page) {
 /* A picture under a lamp that was switched on from the page. */
 TEST(live_view) {
     struct site *site = site_new(SITE_RIG, NULL);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     browser_wait(browser, "document.querySelectorAll('#snap-camera option').length == 2");
     browser_wait(browser, "document.getElementById('snap').disabled");
     site_unlock(browser);

@@ -9,9 +9,8 @@
 #include <string.h>
 
 /* Presses the button of a file, and waits until the page shows the file. mesorigd may close the
- * session only now. Then the file is out of date, the page says so, and the button is pressed
- * again.
- */
+ * session only now, or the frames may still be processed. Then the file is out of date or cannot be
+ * made, the page says so, and the button is pressed again. */
 static void show(Browser *browser, const char *product, const char *head) {
     g_autofree char *click =
         g_strdup_printf("(document.getElementById('product-state').textContent = '', "
@@ -22,13 +21,16 @@ static void show(Browser *browser, const char *product, const char *head) {
                         "!document.getElementById('product').hidden",
                         head);
     g_autofree char *either = g_strdup_printf(
-        "(%s) || document.getElementById('product-state').textContent.endsWith('anew.')", shown);
-    for (int i = 0; i < 5; i++) {
+        "(%s) || /anew\\.$|could not be made/.test(document.getElementById('product-state')"
+        ".textContent)",
+        shown);
+    for (int i = 0; i < 30; i++) {
         g_free(browser_value(browser, click));
         browser_wait(browser, either);
         g_autofree char *value = browser_value(browser, shown);
         if (strcmp(value, "true") == 0)
             return;
+        g_usleep(G_USEC_PER_SEC);
     }
     g_error("the page does not show %s", head);
 }
@@ -41,8 +43,7 @@ TEST(shows_sessions) {
     operator_does(site->run, 0, "capture", "--address", site->bus, site->run->rig, site->run->conf,
                   "-o", site->run->session, NULL);
     operator_does(site->run, 0, "process", site->run->session, NULL);
-    Browser *browser = browser_new(390, 844);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, 390, 844);
     browser_wait(browser, "document.querySelectorAll('#sessions .product').length == 3");
     browser_wait(browser, "document.querySelector('#sessions .product').disabled");
     site_unlock(browser);
@@ -78,6 +79,50 @@ TEST(shows_sessions) {
     }
     assert_has(said, "\"why\": \"");
     assert_has(said, "broken");
+    site_free(site);
+}
+
+static void write_dome(const char *folder) {
+    static const char *const names[] = {"rig.conf", "world.conf", "session.conf"};
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
+        g_autofree char *from = g_build_filename(SOURCE_DIR "/etc/demo/dome", names[i], NULL);
+        g_autofree char *to = g_build_filename(folder, names[i], NULL), *text = NULL;
+        g_assert_true(g_file_get_contents(from, &text, NULL, NULL));
+        g_autoptr(GString) less = g_string_new(text);
+        g_string_replace(less, "texels = 64", "texels = 16", 0);
+        g_string_replace(
+            less, "[lights]\ndevices = all",
+            "[lights]\ndevices = dome_01; dome_09; dome_17; dome_25; dome_33; dome_41; "
+            "dome_49; dome_57",
+            0);
+        g_assert_true(g_file_set_contents(to, less->str, -1, NULL));
+    }
+}
+
+/* A dome of fixed lamps over one camera, from the plan to the material in 3D. All of it is done on
+ * the page. */
+TEST(dome) {
+    struct site *site = site_new_of(SITE_RIG | SITE_SESSIONS, write_dome);
+    Browser *browser = site_browse(site, 1280, 900);
+    browser_wait(browser, "document.getElementById('file').value == 'session'");
+    site_unlock(browser);
+    browser_set(browser, "session-name", "shell");
+    browser_press(browser, "plan");
+    browser_wait(browser, "/Views1Lights8/.test("
+                          "document.querySelector('#plan-answer dl')?.textContent)");
+    browser_press(browser, "start");
+    browser_wait(browser, "document.getElementById('state').textContent == 'done'");
+    browser_wait(browser, "document.querySelectorAll('#pose .lamp').length == 64");
+    browser_wait(browser, "!!document.querySelector('[data-product=page]')");
+    show(browser, "page", "3D page of shell");
+    show(browser, "report", "Report of shell");
+    /* A dome has no lasers to calibrate. */
+    browser_set(browser, "calibration-name", "dome");
+    browser_press(browser, "calibrate");
+    browser_wait(browser, "[...document.querySelectorAll('#calibrate-steps button')].map(b => "
+                          "b.dataset.step).join() == 'cameras,lights,radiometry,report'");
+    browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
+    browser_free(browser);
     site_free(site);
 }
 

@@ -31,8 +31,7 @@ static void check(Browser *browser, const char *step) {
 
 static void go_through(int width, int height) {
     struct site *site = site_new(SITE_RIG | SITE_SESSIONS | SITE_QUEUE, NULL);
-    Browser *browser = browser_new(width, height);
-    browser_open(browser, site->uri);
+    Browser *browser = site_browse(site, width, height);
     browser_wait(browser, "document.getElementById('file').value == 'session'");
     check(browser, "without the token");
     browser_press(browser, "unlock");
@@ -44,7 +43,11 @@ static void go_through(int width, int height) {
     browser_wait(browser, "document.getElementById('light-state').textContent == 'lamp30 is on.'");
     browser_press(browser, "snap");
     browser_wait(browser, "!document.getElementById('snap-answer').hidden");
-    check(browser, "plan, light, picture");
+    browser_set(browser, "calibration-name", "rig");
+    browser_press(browser, "calibrate");
+    browser_press(browser, "step-board");
+    browser_wait(browser, "!document.getElementById('step-board-file').hidden");
+    check(browser, "plan, light, picture, step of a calibration");
     browser_press(browser, "light-off");
     browser_press(browser, "start");
     browser_wait(browser, "document.getElementById('state').textContent == 'done'");
