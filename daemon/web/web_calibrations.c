@@ -9,14 +9,15 @@
 #include <libsoup/soup.h>
 #include <string.h>
 
-#define DRAFT_ENDING ".calibrating"
-#define NEW_FOLDER   "new" /* folder in a draft to which a step writes */
-#define FAILED       "failed.html"
-#define MAX_OPTION   200 /* bytes of the option --board */
-#define MAX_FILE     (64 << 20)
-#define MAX_TEXT     (64 << 10)
-#define MAX_BYTES    (16 << 20) /* of a calibration, as in calibration.c */
-#define MAX_DRAFTS   100
+#define DRAFT_ENDING  ".calibrating"
+#define NEW_FOLDER    "new" /* folder in a draft to which a step writes */
+#define FAILED        "failed.html"
+#define EXAMPLE_BOARD "8x8,square=9,marker=6.75,thickness=3"
+#define MAX_OPTION    200 /* bytes of the option --board */
+#define MAX_FILE      (64 << 20)
+#define MAX_TEXT      (64 << 10)
+#define MAX_BYTES     (16 << 20) /* of a calibration, as in calibration.c */
+#define MAX_DRAFTS    100
 
 /* The steps in their order. */
 static const struct step {
@@ -164,11 +165,27 @@ static void on_found(gboolean ok, const char *text, gpointer data) {
     calibrations->failed = work;
 }
 
+/* Returns an option that a step needs. If the query lacks it, answers the task with 409, because
+ * other steps do not need it, and returns NULL. */
+static const char *needed(const struct web_task *task, const struct step *step, const char *key,
+                          const char *example) {
+    const char *value = web_task_value(task, key);
+    if (value)
+        return value;
+    g_autofree char *why = g_strdup_printf("the step %s needs %s in the query, such as %s=%s",
+                                           step->name, key, key, example);
+    web_task_refuse(task, SOUP_STATUS_CONFLICT, why);
+    return NULL;
+}
+
 /* Adds the directories of the sessions that the query names. Otherwise answers the task and returns
  * FALSE. */
-static gboolean add_sessions(const struct web_task *task, GPtrArray *arguments) {
-    const char *value = web_task_value(task, "sessions");
-    g_auto(GStrv) names = g_strsplit(value ? value : "", "/", WEB_CALIBRATIONS_SESSIONS + 1);
+static gboolean add_sessions(const struct web_task *task, const struct step *step,
+                             GPtrArray *arguments) {
+    const char *value = needed(task, step, "sessions", "flat/leaning");
+    if (!value)
+        return FALSE;
+    g_auto(GStrv) names = g_strsplit(value, "/", WEB_CALIBRATIONS_SESSIONS + 1);
     const guint n = g_strv_length(names);
     if (n == 0 || n > WEB_CALIBRATIONS_SESSIONS) {
         web_task_refuse(task, SOUP_STATUS_BAD_REQUEST,
@@ -191,18 +208,20 @@ static gboolean add_option(const struct web_task *task, const struct step *step,
     const gboolean has_board =
         strcmp(step->name, "board") == 0 || strcmp(step->name, "cameras") == 0;
     if (has_board) {
-        const char *board = web_task_value(task, "board");
-        if (!board || !*board || strlen(board) > MAX_OPTION || !g_utf8_validate(board, -1, NULL)) {
+        const char *board = needed(task, step, "board", EXAMPLE_BOARD);
+        if (!board)
+            return FALSE;
+        if (!*board || strlen(board) > MAX_OPTION || !g_utf8_validate(board, -1, NULL)) {
             web_task_refuse(task, SOUP_STATUS_BAD_REQUEST,
-                            "the query needs the board, such as "
-                            "board=8x8,square=9,marker=6.75,thickness=3");
+                            "the board has 1 to 200 bytes in UTF-8, such as "
+                            "board=" EXAMPLE_BOARD);
             return FALSE;
         }
         g_ptr_array_add(arguments, g_strconcat("--board=", board, NULL));
     } else if (strcmp(step->name, "lights") == 0) {
-        const char *target = web_task_value(task, "target");
+        const char *target = needed(task, step, "target", "poles");
         struct stat info;
-        if (!web_files_check(task, target ? target : ""))
+        if (!target || !web_files_check(task, target))
             return FALSE;
         g_autofree char *path = web_files_path(task, target, ".conf");
         g_autofree char *text = web_files_read(path, WEB_FILES_MAX_BYTES, &info);
@@ -216,7 +235,8 @@ static gboolean add_option(const struct web_task *task, const struct step *step,
     } else if (strcmp(step->name, "radiometry") == 0) {
         double reflectance;
         char text[G_ASCII_DTOSTR_BUF_SIZE];
-        if (!web_task_number(task, "reflectance", 0.05, 1.2, &reflectance))
+        if (!needed(task, step, "reflectance", "0.96") ||
+            !web_task_number(task, "reflectance", 0.05, 1.2, &reflectance))
             return FALSE;
         g_ascii_dtostr(text, sizeof text, reflectance);
         g_ptr_array_add(arguments, g_strconcat("--reflectance=", text, NULL));
@@ -241,7 +261,7 @@ static GPtrArray *arguments_of(const struct web_task *task, const struct step *s
                         "nothing is calibrated yet: calibrate the cameras first");
         return NULL;
     }
-    if ((step->calibrates && !add_sessions(task, to)) || !add_option(task, step, to))
+    if ((step->calibrates && !add_sessions(task, step, to)) || !add_option(task, step, to))
         return NULL;
     if (step->calibrates) {
         g_ptr_array_add(to, g_strconcat("--found=", file, NULL));

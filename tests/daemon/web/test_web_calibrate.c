@@ -185,8 +185,10 @@ TEST(refuses) {
     g_autoptr(GDir) dir = ok(g_dir_open(elsewhere, 0, ERR));
     g_assert_null(g_dir_read_name(dir));
     /* Queries that lack something. */
-    g_free(site_does(site, 400, FIND "cameras&sessions=small"));
-    g_free(site_does(site, 400, FIND "cameras&board=" BOARD));
+    g_free(site_does(site, 409, FIND "cameras&sessions=small"));
+    g_free(site_does(site, 409, FIND "cameras&board=" BOARD));
+    g_free(site_does(site, 409, FIND "lights&sessions=small"));
+    g_free(site_does(site, 409, FIND "radiometry&sessions=small"));
     g_free(site_does(site, 400, FIND "cameras&board=&sessions=small"));
     g_free(site_does(site, 400, FIND "radiometry&sessions=small&reflectance=2"));
     g_free(site_does(site, 400, FIND "board&reflectance=2&board=" BOARD));
