@@ -154,12 +154,16 @@ void browser_picture(Browser *browser, const char *id, const char *path) {
     g_autofree char *shown =
         g_strdup_printf("document.getElementById('%s').offsetParent !== null", id);
     g_autofree char *scroll = g_strdup_printf("document.getElementById('%s').scrollIntoView()", id);
-    g_autofree char *place = g_strdup_printf("/session/%s/screenshot", browser->session);
+    g_autofree char *place = g_strdup_printf("/session/%s/goog/cdp/execute", browser->session);
     browser_wait(browser, shown);
     g_free(browser_value(browser, scroll));
     g_usleep(G_USEC_PER_SEC / 2); /* frames and pictures are drawn later */
-    g_autoptr(JsonNode) value = call(browser, "GET", place, NULL);
+    g_autoptr(JsonNode) value =
+        call(browser, "POST", place,
+             "{\"cmd\": \"Page.captureScreenshot\", \"params\": {\"format\": \"jpeg\", "
+             "\"quality\": 75}}");
     gsize n;
-    g_autofree guchar *png = g_base64_decode(json_node_get_string(value), &n);
-    ok(g_file_set_contents(path, (const char *)png, (gssize)n, ERR));
+    const char *data = json_object_get_string_member(json_node_get_object(value), "data");
+    g_autofree guchar *jpeg = g_base64_decode(data, &n);
+    ok(g_file_set_contents(path, (const char *)jpeg, (gssize)n, ERR));
 }

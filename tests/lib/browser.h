@@ -24,5 +24,5 @@ void browser_wait(Browser *browser, const char *expression);
 void browser_set(Browser *browser, const char *id, const char *value);
 
 /* Waits until the element is visible, moves it to the top of the window, and writes the window as a
- * PNG file. */
+ * JPEG file. */
 void browser_picture(Browser *browser, const char *id, const char *path);
