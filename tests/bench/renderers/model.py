@@ -3,11 +3,20 @@ and anisotropy alone: what a renderer adds to the model's own error is its pictu
 one. Tangents are at right angles to the bent normal, as the maps were fitted, or with mesh_tangents those of
 the mesh, as three.js has them. Textures are bilinear and repeat; sheen and clear coats are not drawn."""
 import io
+import json
 import math
+import struct
 import numpy as np
 from PIL import Image
 
 SAMPLES = 3  # of a pixel each way
+
+
+def read_glb(path):
+    """The JSON of a .glb and its binary part."""
+    data = open(path, "rb").read()
+    length = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + length]), data[20 + length + 8 :]
 
 
 def unit(x):
