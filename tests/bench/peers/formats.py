@@ -5,6 +5,7 @@
     formats.py materialx BUILD FOLDER SESSION…   MaterialX validates and draws its documents
     formats.py bsdf BUILD FOLDER SESSION…        Mitsuba 3 reads .bsdf by its plug-in “measured”
     formats.py mitsuba BUILD FOLDER SESSION…     the plug-in contrib/mitsuba (BUILD has no sanitizers)
+    formats.py packages FOLDER                   only the virtual environment, for renderers/compare_renderers
 
 makes a virtual environment in FOLDER/venv with packages from PyPI (1.4 GB), for materialx also FOLDER/npm with a
 package of npm (30 MB), exports each session with BUILD/bin/mesorig
@@ -23,6 +24,7 @@ PACKAGES = (
     "mitsuba==3.9.1",
     "numpy==1.26.4",
     "OpenEXR==3.5.3",
+    "pillow==13.0.0",
     "usd-core==26.11",
 )
 NPM_PACKAGE = "@needle-tools/materialx@1.4.6"  # the WebAssembly build of MaterialX for web pages
@@ -188,6 +190,10 @@ CHECKS = {
 }
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["packages"] and len(sys.argv) == 3:
+        os.makedirs(sys.argv[2], exist_ok=True)
+        enter(os.path.abspath(sys.argv[2]))
+        sys.exit()
     if len(sys.argv) < 5 or sys.argv[1] not in CHECKS:
         sys.exit(__doc__)
     what, build, folder, *sessions = sys.argv[1:]
