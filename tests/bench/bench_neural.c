@@ -16,6 +16,7 @@
 static char **lengths, **channels;
 static int threads;
 static gboolean flat;
+static char *folder;
 
 static const GOptionEntry entries[] = {
     {"samples", 0, 0, G_OPTION_ARG_STRING_ARRAY, &lengths,
@@ -24,6 +25,8 @@ static const GOptionEntry entries[] = {
      "Channels of each texel (12); may be given several times", "N"},
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Threads of the training (one per core)", "N"},
     {"flat", 0, 0, G_OPTION_ARG_NONE, &flat, "Leave out the points of the MDF", NULL},
+    {"write", 0, 0, G_OPTION_ARG_FILENAME, &folder,
+     "Write the models into this folder, as neural_CHANNELS_SAMPLES.exr", "FOLDER"},
     {NULL},
 };
 
@@ -88,6 +91,12 @@ static void measure(const struct bench *bench, int n_channels, double per_texel)
               n_channels, per_texel, bytes, 100 * found->all.error, 100 * neural->error,
               found->all.psnr_db, found->flip, spent_s, wall_s, time_evaluation(neural, FALSE, 1),
               time_evaluation(neural, FALSE, 64), time_evaluation(neural, TRUE, 1));
+    if (folder) {
+        g_autofree char *name = g_strdup_printf("neural_%d_%.0f.exr", n_channels, per_texel);
+        g_autofree char *path = g_build_filename(folder, name, NULL);
+        neural_write(path, &neural, 1, &error);
+        bench_check(error);
+    }
     comparison_free(found);
     neural_free(neural);
 }

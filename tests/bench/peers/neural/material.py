@@ -17,13 +17,13 @@ SUBRAYS = np.array([(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)])
 
 
 def left_out(build, path, seed):
-    """The directions that mesorig compare leaves out, and its rows for the BTF and the local PCA."""
+    """The views and the lights that mesorig compare leaves out."""
     mesorig_program = os.path.join(build, "bin", "mesorig")
-    command = [mesorig_program, "compare", path, "-m", "lpca", "--seed", str(seed), "--json"]
+    command = [mesorig_program, "compare", path, "-m", "ptm", "--seed", str(seed), "--json"]
     found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
     views = [row["index"] for row in found["left_out_views"]]
     lights = [row["index"] for row in found["left_out_lights"]]
-    return views, lights, found["methods"]
+    return views, lights
 
 
 class Relief:
@@ -133,11 +133,14 @@ class Captured:
     place     height × width × views × rays × 2: where the ray of a texel ends, -1 … 1 over the sample
     lit       height × width × views × lights × 3, int8 of 127: light_features() there, mean of the rays
     to_view   height × width × views × 3;  to_light: height × width × lights × 3
+    flat      height × width × 2: the places of the texels
+
+    Without rays there is no place and no lit, for networks that read only flat. With whole, no direction is left out.
     """
 
-    def __init__(self, build, path, seed=1, cells=128, rays=1):
+    def __init__(self, build, path, seed=1, cells=128, rays=1, whole=False):
         session = mesorig.open(path)
-        self.held_views, self.held_lights, self.rows = left_out(build, path, seed)
+        self.held_views, self.held_lights = ([], []) if whole else left_out(build, path, seed)
         btf = session.btf
         n, m, n_views, n_lights, _ = btf.shape
         self.kept_views = [k for k in range(n_views) if k not in self.held_views]
@@ -156,14 +159,16 @@ class Captured:
             return (to / np.linalg.norm(to, axis=-1, keepdims=True)).astype(np.float32)
 
         self.to_view, self.to_light = towards(cameras), towards(lamps)
+        self.flat = np.empty((n, m, 2), np.float32)
+        self.flat[..., 0] = centres[..., 0] / (self.texel_mm * m / 2)
+        self.flat[..., 1] = -centres[..., 1] / (self.texel_mm * m / 2)
+        if rays == 0:
+            return
         self.relief, self.known = relief_of(session, self.kept_views, cells)
         self.relief = self.relief.rounded()
         offsets = np.zeros((1, 2)) if rays == 1 else SUBRAYS
         light = light_features(self.relief, lamps - [0, 0, reference]).reshape(cells, cells, -1)
         self.place = np.empty((n, m, n_views, len(offsets), 2), np.float32)
-        self.flat = np.empty((n, m, 2), np.float32)
-        self.flat[..., 0] = centres[..., 0] / (self.relief.width_mm / 2)
-        self.flat[..., 1] = -centres[..., 1] / (self.relief.width_mm / 2)
         self.lit = np.empty((n, m, n_views, n_lights, 3), np.int8)
         for k in range(n_views):
             mean = np.zeros((n, m, light.shape[-1]), np.float32)

@@ -174,8 +174,10 @@ class Pairs:
         n, m, self.n_views, self.n_lights, _ = self.values.shape
         self.texels = n * m
         self.values = self.values.reshape(-1, 3)
-        self.lit = torch.from_numpy(captured.lit).reshape(-1, 3)
-        self.place = torch.from_numpy(captured.place).reshape(self.texels * self.n_views, -1, 2)
+        self.lit = self.place = None  # without rays
+        if hasattr(captured, "lit"):
+            self.lit = torch.from_numpy(captured.lit).reshape(-1, 3)
+            self.place = torch.from_numpy(captured.place).reshape(self.texels * self.n_views, -1, 2)
         self.flat = torch.from_numpy(captured.flat).reshape(-1, 2)
         self.to_view = torch.from_numpy(captured.to_view).reshape(-1, 3)
         self.to_light = torch.from_numpy(captured.to_light).reshape(-1, 3)
@@ -185,14 +187,15 @@ class Pairs:
     def of(self, texel, view, light):
         texel_view = texel * self.n_views + view
         value = texel_view * self.n_lights + light
-        return {
+        data = {
             "flat": self.flat[texel],
-            "place": self.place[texel_view],
             "view": self.to_view[texel_view],
             "light": self.to_light[texel * self.n_lights + light],
-            "lit": self.lit[value].float() / 127,
             "value": self.values[value],
         }
+        if self.lit is not None:
+            data |= {"place": self.place[texel_view], "lit": self.lit[value].float() / 127}
+        return data
 
     def draw(self, size, random):
         def some(n):

@@ -5,20 +5,16 @@
     peers/neural/table.py BUILD DIR paper_brick relief_weave flat_leather
 
 prints a Markdown table for each session DIR/NAME.session, and writes DIR/NAME.json and DIR/NAME.png,
-pictures at three pairs of directions. A command that was interrupted continues where it stopped. Makes a virtual environment in DIR/venv and installs
-flip-evaluator (the program of FLIP's authors) from PyPI. Debian packages: python3-torch python3-scipy
+pictures at three pairs of directions. A command that was interrupted continues where it stopped. Makes a virtual
+environment in DIR/venv (environment.py). Debian packages: python3-torch python3-scipy
 python3-openimageio python3-pil. The samples of a training, not its time, are the same for all networks.
 """
 import argparse
-import importlib.util
 import json
 import os
 import pickle
-import subprocess
-import sys
-import venv
 
-PACKAGES = ("flip-evaluator==1.7",)
+import environment
 
 
 def parse():
@@ -44,14 +40,7 @@ def parse():
 
 if __name__ == "__main__":
     OPTIONS = parse()
-    if importlib.util.find_spec("flip_evaluator") is None:
-        if "NEURAL_TABLE" in os.environ:
-            sys.exit("flip-evaluator cannot be installed")
-        FOLDER = os.path.join(OPTIONS.folder, "venv")
-        PYTHON = os.path.join(FOLDER, "bin", "python3")
-        venv.create(FOLDER, system_site_packages=True, with_pip=True)
-        subprocess.run([PYTHON, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-        os.execve(PYTHON, [PYTHON, *sys.argv], os.environ | {"NEURAL_TABLE": "1"})
+    environment.enter(OPTIONS.folder)
 
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
