@@ -6,10 +6,10 @@
 
 measures the session DIR/NAME.session of each NAME: the local PCA as drawn and packed, eigen-maps, neural planes with
 and without the MDF, and two peers in PyTorch, triple planes and NeuMIP. Errors are those at the pairs of a view and a
-light that mesorig compare leaves out (seed 1). --between takes the pictures of DIR/NAME_between_quiet.session
+light that mesorig compare leaves out (seed 1). --between takes the pictures of DIR/NAME_quiet_between.session
 instead, and leaves nothing out. Each point is stored in DIR/NAME.curves as soon as it is measured, and a command that
 was interrupted continues where it stopped. The points of all names are printed as tables and drawn into
-DIR/curves.svg. DIR/NAME.curves.png has pictures at three pairs of directions.
+DIR/curves.png. DIR/NAME.curves.png has pictures at three pairs of directions.
 
 All networks have the same number of samples for each texel. Makes a virtual environment in DIR/venv (environment.py).
 Debian packages: python3-torch python3-scipy python3-openimageio python3-pil.
@@ -41,7 +41,7 @@ def parse():
     parser.add_argument(
         "--between",
         action="store_true",
-        help="take the truth from NAME_between_quiet.session, without noise",
+        help="take the truth from NAME_quiet_between.session, without noise",
     )
     parser.add_argument(
         "--bytes",
@@ -51,7 +51,7 @@ def parse():
         help="sizes of the peers, bytes a texel (16.5 33 66, NeuMIP only the first two)",
     )
     parser.add_argument(
-        "--rate", type=float, default=0.02, help="learning rate of the peers (0.02)"
+        "--rate", type=float, help="learning rate of the peers (triple planes 0.04, NeuMIP 0.02)"
     )
     parser.add_argument("--batch", type=int, default=1024, help="batch of the peers (1024)")
     return parser.parse_args()
@@ -75,6 +75,7 @@ from measure import errors, shown  # noqa: E402
 CLUSTERS = [(1, 4), (2, 4), (4, 4), (4, 8), (8, 8), (16, 8), (32, 8)]  # and components
 PACKED = [20, 40, 160]  # bytes a texel
 MAPS = [1, 2, 4, 8]
+RATES = {"triple planes": 0.04, "NeuMIP": 0.02}  # the best of 0.01, 0.02 and 0.04 on brick
 CHANNELS = {False: [4, 8, 12, 16], True: [4, 12, 16]}  # with the MDF, and without it
 
 
@@ -102,15 +103,15 @@ class Subject:
         self.options, self.name = options, name
         self.build = os.path.abspath(options.build)
         self.session = os.path.join(options.folder, name + ".session")
-        ending = ".between" if options.between else ".curves"
-        self.folder = os.path.join(options.folder, name + ending)
+        self.ending = ".between" if options.between else ".curves"
+        self.folder = os.path.join(options.folder, name + self.ending)
         os.makedirs(self.folder, exist_ok=True)
         captured = self.captured = Captured(
             options.build, self.session, rays=0, whole=options.between
         )
         self.texels = captured.values.shape[0] * captured.values.shape[1]
         if options.between:
-            path = os.path.join(options.folder, name + "_between_quiet.session")
+            path = os.path.join(options.folder, name + "_quiet_between.session")
             other = Captured(options.build, path, rays=0, whole=True)
             # Each view with every fourth light, from another light on.
             views, lights = len(other.kept_views), len(other.kept_lights)
@@ -294,19 +295,16 @@ def measure_peer(subject, series, make, limits):
         channels = largest(lambda n: make(side, n), subject.texels, limit)
         label = "%d channels" % channels
         options = subject.options
-        if (options.rate, options.batch, options.samples) != (0.02, 1024, 3000):
-            label += ", rate %g, batch %d, %g samples" % (
-                options.rate,
-                options.batch,
-                options.samples,
-            )
+        rate = options.rate or RATES[series]
+        if options.rate or (options.batch, options.samples) != (1024, 3000):
+            label += ", rate %g, batch %d, %g samples" % (rate, options.batch, options.samples)
         if subject.has(series, label):
             continue
         pairs = pairs or planes.Pairs(subject.captured)
         torch.manual_seed(1)
         model, begin = make(side, channels), time.time()
         samples = int(options.samples * subject.texels)
-        spent = planes.train(model, pairs, samples, batch=options.batch, rate=options.rate)
+        spent = planes.train(model, pairs, samples, batch=options.batch, rate=rate)
         surface, rest = planes.quantise(model)
         made = [drawn_by(model, subject.captured, t) for t in (subject.truth, subject.seen)]
         size = surface + rest / subject.texels
@@ -330,7 +328,7 @@ SERIES = {
 def picture(subject):
     """A column for each form: the truth, and of each series the best model of at most 33 bytes, or its smallest."""
     columns, labels = [subject.truth.values[subject.shots()]], ["truth"]
-    points = subject.read()
+    points = curves_table.points_of(subject.options.folder, subject.name, subject.ending)
     for series in SERIES:
         smallest = min(
             (p for p in points if p["series"] == series),
@@ -339,9 +337,7 @@ def picture(subject):
         )
         point = curves_table.best(points, series) or smallest
         if point:
-            columns.append(
-                np.load(os.path.join(subject.folder, "%(series)s %(label)s.npy" % point))
-            )
+            columns.append(np.load(os.path.join(subject.folder, point["path"])))
             labels.append("%s %.0f" % (series, point["bytes_per_texel"]))
     times = max(1, 128 // subject.captured.values.shape[0])
     gap = [(0, 0), (0, 1), (0, 1), (0, 0)]  # a white line below and to the right of each picture

@@ -1,12 +1,14 @@
 """The figure of curves.py: PSNR and FLIP over bytes a texel, a panel for each material."""
 
-import json
 import os
 
 import matplotlib
 
-matplotlib.use("svg")
+from curves_table import points_of
+
+matplotlib.use("agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from PIL import Image  # noqa: E402
 
 COLUMNS = 5
 LOOKS = {  # colour and marker
@@ -21,7 +23,6 @@ LOOKS = {  # colour and marker
 
 
 def panel(axes, points, key):
-    points = [p for p in points if "," not in p["label"]]  # without other lengths of training
     for series, (colour, marker) in LOOKS.items():
         chosen = sorted(
             (p for p in points if p["series"] == series), key=lambda p: p["bytes_per_texel"]
@@ -39,31 +40,32 @@ def panel(axes, points, key):
     if btf:
         axes.axhline(btf[0], color="#888888", linestyle=":", linewidth=1, label="BTF, 17,496")
     axes.set_xscale("log")
-    axes.set_xlim(8, 1500)
+    axes.set_xlim(8, 3500)
     axes.set_xticks([10, 33, 100, 1000], ["10", "33", "100", "1000"])
     axes.minorticks_off()
     axes.grid(True, color="#e6e6e6", linewidth=0.6)
 
 
 def draw(folder, names):
-    """Writes folder/curves.svg from the points of DIR/NAME.curves."""
+    """Writes folder/curves.png from the points of DIR/NAME.curves."""
     rows = -(-len(names) // COLUMNS)
     columns = min(COLUMNS, len(names))
-    plt.rcParams |= {"font.size": 7, "svg.fonttype": "none", "font.family": "sans-serif"}
+    plt.rcParams |= {"font.size": 7, "font.family": "sans-serif"}
     figure, table = plt.subplots(
         2 * rows, columns, figsize=(2.1 * columns, 3.3 * rows + 0.3), squeeze=False
     )
     for axes in table.flat:
         axes.set_visible(False)
     for number, name in enumerate(names):
-        with open(os.path.join(folder, name + ".curves", "points.json"), "rb") as file:
-            points = json.load(file)
-        for line, (key, label) in enumerate([("psnr_db", "PSNR, dB"), ("flip", "FLIP")]):
+        points = points_of(folder, name)
+        for line, (key, label) in enumerate(
+            [("psnr_db", "PSNR, dB"), ("flip", "FLIP (less is better)")]
+        ):
             axes = table[2 * (number // columns) + line, number % columns]
             axes.set_visible(True)
             panel(axes, points, key)
             if line == 0:
-                axes.set_title(name.split("_")[1] if "_" in name else name, fontsize=8)
+                axes.set_title(name.replace("_part", "").split("_")[-1], fontsize=8)
                 axes.set_xticklabels([])
             if number % columns == 0:
                 axes.set_ylabel(label)
@@ -73,5 +75,6 @@ def draw(folder, names):
         *table[0, 0].get_legend_handles_labels(), loc="upper center", ncol=8, frameon=False
     )
     figure.tight_layout(rect=(0, 0, 1, 1 - 0.25 / (3.3 * rows + 0.3)), pad=0.4)
-    figure.savefig(os.path.join(folder, "curves.svg"))
-    figure.savefig(os.path.join(folder, "curves.png"), dpi=110)
+    path = os.path.join(folder, "curves.png")
+    figure.savefig(path, dpi=130)
+    Image.open(path).convert("RGB").quantize(48).save(path, optimize=True)

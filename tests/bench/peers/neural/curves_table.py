@@ -6,15 +6,24 @@ import os
 LIMIT = 33.5  # bytes a texel
 
 
-def points_of(folder, name):
-    with open(os.path.join(folder, name + ".curves", "points.json"), "rb") as file:
-        return json.load(file)
+def points_of(folder, name, ending=".curves"):
+    """The points of a material. Of several trainings with 3000 samples for each texel, the one with the highest PSNR."""
+    with open(os.path.join(folder, name + ending, "points.json"), "rb") as file:
+        found = json.load(file)
+    points = {}
+    for point in found:
+        label, *training = point["label"].split(",")
+        if training and not training[-1].endswith(" 3000 samples"):
+            continue
+        key = point["series"], label
+        if key not in points or point["psnr_db"] > points[key]["psnr_db"]:
+            points[key] = point | {"label": label, "path": "%(series)s %(label)s.npy" % point}
+    return list(points.values())
 
 
 def best(points, series, limit=LIMIT):
     """The model of at most limit bytes a texel with the highest PSNR, or None."""
-    chosen = [p for p in points if p["series"] == series and "," not in p["label"]]
-    chosen = [p for p in chosen if p["bytes_per_texel"] <= limit]
+    chosen = [p for p in points if p["series"] == series and p["bytes_per_texel"] <= limit]
     return max(chosen, key=lambda p: p["psnr_db"], default=None)
 
 
@@ -33,7 +42,7 @@ def full(folder, names, order):
         for point in points:
             forms.setdefault((point["series"], point["label"]), point["bytes_per_texel"])
     print("\n| | bytes/texel | %s |\n|---|---|%s" % (" | ".join(names), "---|" * len(names)))
-    for series, label in sorted(forms, key=lambda f: (order.index(f[0]), "," in f[1], forms[f])):
+    for series, label in sorted(forms, key=lambda f: (order.index(f[0]), forms[f])):
         found = [
             next((p for p in points if (p["series"], p["label"]) == (series, label)), None)
             for points in table.values()
