@@ -9,7 +9,8 @@ and without the MDF, and two peers in PyTorch, triple planes and NeuMIP. Errors 
 light that mesorig compare leaves out (seed 1). --between takes the pictures of DIR/NAME_quiet_between.session
 instead, and leaves nothing out. Each point is stored in DIR/NAME.curves as soon as it is measured, and a command that
 was interrupted continues where it stopped. The points of all names are printed as tables and drawn into
-DIR/curves.png. DIR/NAME.curves.png has pictures at three pairs of directions.
+DIR/curves.png. DIR/NAME.curves.png has pictures at three pairs of directions, and DIR/curves_pictures.png one of them
+of each material.
 
 All networks have the same number of samples for each texel. Makes a virtual environment in DIR/venv (environment.py).
 Debian packages: python3-torch python3-scipy python3-openimageio python3-pil.
@@ -77,6 +78,7 @@ PACKED = [20, 40, 160]  # bytes a texel
 MAPS = [1, 2, 4, 8]
 RATES = {"triple planes": 0.04, "NeuMIP": 0.02}  # the best of 0.01, 0.02 and 0.04 on brick
 CHANNELS = {False: [4, 8, 12, 16], True: [4, 12, 16]}  # with the MDF, and without it
+PICTURED = ["BTF", "LPCA, drawn", "triple planes", "NeuMIP", "neural, no MDF", "neural"]
 
 
 class Truth:
@@ -325,10 +327,19 @@ SERIES = {
 }
 
 
-def picture(subject):
-    """A column for each form: the truth, and of each series the best model of at most 33 bytes, or its smallest."""
-    columns, labels = [subject.truth.values[subject.shots()]], ["truth"]
-    points = curves_table.points_of(subject.options.folder, subject.name, subject.ending)
+def sheet(rows, times):
+    """Rows of pictures, with a white line below and to the right of each."""
+    gap = [(0, 1), (0, 1), (0, 0)]
+    rows = [
+        np.concatenate([np.pad(shown(p), gap, constant_values=1) for p in row], 1) for row in rows
+    ]
+    pixels = np.rint(255 * np.concatenate(rows, 0)).astype(np.uint8)
+    return Image.fromarray(np.kron(pixels, np.ones((times, times, 1), np.uint8)))
+
+
+def chosen(folder, name, ending):
+    """Of each series the best model of at most 33 bytes, or its smallest: the three pictures of its shots()."""
+    points = curves_table.points_of(folder, name, ending)
     for series in SERIES:
         smallest = min(
             (p for p in points if p["series"] == series),
@@ -337,15 +348,31 @@ def picture(subject):
         )
         point = curves_table.best(points, series) or smallest
         if point:
-            columns.append(np.load(os.path.join(subject.folder, point["path"])))
-            labels.append("%s %.0f" % (series, point["bytes_per_texel"]))
-    times = max(1, 128 // subject.captured.values.shape[0])
-    gap = [(0, 0), (0, 1), (0, 1), (0, 0)]  # a white line below and to the right of each picture
-    columns = [np.pad(shown(c), gap, constant_values=1) for c in columns]
-    sheet = np.concatenate([np.concatenate(list(c), 0) for c in columns], 1)
-    sheet = np.kron(np.rint(255 * sheet).astype(np.uint8), np.ones((times, times, 1), np.uint8))
-    Image.fromarray(sheet).save(subject.folder + ".png")
-    print("columns of %s.png: %s" % (subject.folder, ", ".join(labels)))
+            yield series, np.load(os.path.join(folder, name + ending, point["path"]))
+
+
+def picture(subject):
+    """A column for the truth and for each form, a row for each of shots()."""
+    truth = subject.truth.values[subject.shots()]
+    np.save(os.path.join(subject.folder, "truth.npy"), truth)
+    found = list(chosen(subject.options.folder, subject.name, subject.ending))
+    columns = [truth] + [pictures for _, pictures in found]
+    times = max(1, 128 // truth.shape[1])
+    sheet(zip(*columns), times).save(subject.folder + ".png")
+    labels = ", ".join(["truth"] + [series for series, _ in found])
+    print("columns of %s.png: %s" % (subject.folder, labels))
+
+
+def one_row_each(folder, names):
+    """Writes folder/curves_pictures.png, with a row for each material: the last of its shots()."""
+    rows = []
+    for name in names:
+        found = dict(chosen(folder, name, ".curves"))
+        truth = np.load(os.path.join(folder, name + ".curves", "truth.npy"))
+        blank = np.ones_like(truth[2])
+        rows.append([truth[2]] + [found[s][2] if s in found else blank for s in PICTURED])
+    path = os.path.join(folder, "curves_pictures.png")
+    sheet(rows, 3).quantize(128).save(path, optimize=True)
 
 
 def main():
@@ -359,6 +386,7 @@ def main():
         picture(subject)
     if not OPTIONS.between and not OPTIONS.series:
         curves_figure.draw(OPTIONS.folder, OPTIONS.names)
+        one_row_each(OPTIONS.folder, OPTIONS.names)
         curves_table.full(OPTIONS.folder, OPTIONS.names, list(SERIES))
         curves_table.summary(OPTIONS.folder, OPTIONS.names)
 
