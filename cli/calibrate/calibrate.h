@@ -64,7 +64,7 @@ struct calibrate_job {
     gint64 begun_us;       /* start of the work */
     double seconds;        /* duration of the work */
     GArray *marks;         /* of struct found_mark */
-    const char *marks_say; /* what the marks are; NULL: places with their errors */
+    const char *marks_say; /* what the marks are; NULL if they are places with errors */
     gboolean is_outline;   /* the marks are where the target must be, and are not counted */
     OutputFile *found;     /* the page of --found, or NULL */
 };

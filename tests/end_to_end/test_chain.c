@@ -34,20 +34,8 @@ static void write_files(void) {
     demo_part_write(folder);
     copy("calibrate");
     copy("poles.conf");
-    demo_part_write_session(folder, "board.conf",
-                            "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
-                            "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
-    demo_part_write_session(folder, "lights.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20",
-                            "30:4; 60:4", "30:2; 60:2", NULL, "exposures_us=2000;8000");
-    demo_part_write_session(folder, "plate.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm = 1\ndepth_mm = 1",
-                            "30:1; 60:1", NULL, "30:3; 60:3",
-                            "sweep_steps=64\nlaser_threshold_dn=12\nexposures_us=8000");
-    demo_part_write_session(folder, "tile.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=2.2\ndepth_mm=2.2",
-                            "30:2; 60:2", "30:2; 60:2", NULL,
-                            "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes");
+    demo_part_write_targets(folder);
+    demo_part_write_plate(folder, "plate.conf", 1);
     demo_part_write_session(folder, "session.conf",
                             "width_mm=50\nheight_mm=50\ntexels=16\nreference_mm=2.2\ndepth_mm=2.2",
                             "30:2; 60:2", "30:2; 60:2", "30:3; 60:3",

@@ -96,3 +96,24 @@ void demo_part_lay(const char *folder, enum demo_target target, double height_mm
         g_key_file_set_double(world, "sample", "base_mm", height_mm);
     ok(g_key_file_save_to_file(world, to, ERR));
 }
+
+void demo_part_write_targets(const char *folder) {
+    demo_part_write_session(folder, "board.conf",
+                            "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
+                            "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
+    demo_part_write_session(folder, "lights.conf",
+                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20",
+                            "30:4; 60:4", "30:2; 60:2", NULL, "exposures_us=2000;8000");
+    demo_part_write_session(folder, "tile.conf",
+                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=2.2\ndepth_mm=2.2",
+                            "30:2; 60:2", "30:2; 60:2", NULL,
+                            "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes");
+}
+
+void demo_part_write_plate(const char *folder, const char *name, int height_mm) {
+    g_autofree char *sample =
+        g_strdup_printf("width_mm=60\nheight_mm=60\ntexels=8\nreference_mm = %d\ndepth_mm = %d",
+                        height_mm, height_mm);
+    demo_part_write_session(folder, name, sample, "30:1; 60:1", NULL, "30:3; 60:3",
+                            "sweep_steps=64\nlaser_threshold_dn=12\nexposures_us=8000");
+}

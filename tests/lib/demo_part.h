@@ -1,5 +1,5 @@
-/* A part of the demo's rig (etc/demo): two cameras, lamps and lasers, at 30° and 60°, whose world
- * has any target on the turntable. Errors in these functions fail the test. */
+/* A part of the demo's rig (etc/demo): two cameras, lamps and lasers, at 30° and 60°. Its simulated
+ * world can have any target on the turntable. Errors in these functions fail the test. */
 #pragma once
 
 #include <glib.h>
@@ -14,6 +14,12 @@ void demo_part_write(const char *folder);
 void demo_part_write_session(const char *folder, const char *name, const char *sample,
                              const char *views, const char *lights, const char *lasers,
                              const char *capture);
+
+/* Writes the session files board.conf, lights.conf and tile.conf, which capture these targets. */
+void demo_part_write_targets(const char *folder);
+/* Writes a session file that captures a plate of this height. etc/demo/calibrate can change the
+ * height in it. */
+void demo_part_write_plate(const char *folder, const char *name, int height_mm);
 
 enum demo_target { DEMO_BOARD_FLAT, DEMO_BOARD_LEANING, DEMO_POLES, DEMO_PLATE, DEMO_TILE };
 

@@ -118,8 +118,8 @@ LANES_INLINE void march(const struct neural_numbers *numbers, gboolean points, s
     rays->below = below;
 }
 
-/* Halves the intervals of n vectors of rays. The steps of a vector depend on each other,
- * so that the processor computes those of the others meanwhile. */
+/* Halves the intervals of n vectors of rays. Each step of a vector needs the step before
+ * it. With several vectors the processor computes the steps of one while it waits for another. */
 LANES_INLINE void halve(const struct neural_numbers *numbers, gboolean points, int n,
                         struct rays *rays) {
     for (int k = 0; k < NEURAL_HALVINGS; k++)

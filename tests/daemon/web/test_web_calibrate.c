@@ -16,7 +16,7 @@
 
 #define RIGHT "Authorization: Bearer " SITE_TOKEN
 #define FIND  "api/v1/calibrations/rig/find?step="
-#define BOARD "8x8,square=9,marker=6.75,thickness=3"
+#define BOARD DEMO_PART_BOARD
 
 static void write_files(const char *folder) {
     demo_part_write(folder);

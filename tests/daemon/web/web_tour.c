@@ -13,25 +13,11 @@
 #include <string.h>
 
 static void write_files(const char *folder) {
-    static const char plate[] = "sweep_steps=64\nlaser_threshold_dn=12\nexposures_us=8000";
     g_autofree char *poles = NULL, *to = g_build_filename(folder, "poles.conf", NULL);
     demo_part_write(folder);
-    demo_part_write_session(folder, "board.conf",
-                            "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
-                            "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
-    demo_part_write_session(folder, "lights.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20",
-                            "30:4; 60:4", "30:2; 60:2", NULL, "exposures_us=2000;8000");
-    demo_part_write_session(folder, "plate1.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=1\ndepth_mm=1",
-                            "30:1; 60:1", NULL, "30:3; 60:3", plate);
-    demo_part_write_session(folder, "plate8.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=8\ndepth_mm=8",
-                            "30:1; 60:1", NULL, "30:3; 60:3", plate);
-    demo_part_write_session(folder, "tile.conf",
-                            "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=2.2\ndepth_mm=2.2",
-                            "30:2; 60:2", "30:2; 60:2", NULL,
-                            "exposures_us=1000;1000;3000;3000;7000;7000\nkeep_exposures=yes");
+    demo_part_write_targets(folder);
+    demo_part_write_plate(folder, "plate1.conf", 1);
+    demo_part_write_plate(folder, "plate8.conf", 8);
     demo_part_write_session(folder, "session.conf",
                             "width_mm=50\nheight_mm=50\ntexels=64\nreference_mm=2.2\ndepth_mm=2.2",
                             "30:4; 60:6", "30:6; 60:8", NULL, "exposures_us=4000;16000");
@@ -77,12 +63,18 @@ static void find(Browser *browser, const char *step, gboolean phone) {
     picture(browser, strcmp(step, "report") == 0 ? "step-head" : "step-result", step, phone);
 }
 
-static void go_through(int width, int height) {
-    const gboolean phone = width < 600;
-    struct site *site = site_new_of(SITE_RIG | SITE_SESSIONS, write_files);
+/* Opens the page of the site and gives it the token. */
+static Browser *browse(struct site *site, int width, int height) {
     Browser *browser = site_browse(site, width, height);
     browser_wait(browser, "document.getElementById('file').value == 'board'");
     site_unlock(browser);
+    return browser;
+}
+
+static void go_through(int width, int height) {
+    const gboolean phone = width < 600;
+    struct site *site = site_new_of(SITE_RIG | SITE_SESSIONS, write_files);
+    Browser *browser = browse(site, width, height);
     browser_set(browser, "calibration-name", "rig");
     browser_press(browser, "calibrate");
     picture(browser, "calibrate-head", "calibrate", phone);
@@ -120,9 +112,7 @@ static void go_through(int width, int height) {
 static void capture_sample(int width, int height) {
     const gboolean phone = width < 600;
     struct site *site = site_new_of(SITE_RIG | SITE_SESSIONS, write_files);
-    Browser *browser = site_browse(site, width, height);
-    browser_wait(browser, "document.getElementById('file').value == 'board'");
-    site_unlock(browser);
+    Browser *browser = browse(site, width, height);
     browser_set(browser, "file", "session");
     browser_press(browser, "plan");
     browser_press(browser, "start");
@@ -136,7 +126,7 @@ static void capture_sample(int width, int height) {
     picture(browser, "session", "progress", phone);
     browser_wait(browser, "document.getElementById('state').textContent == 'done'");
     browser_wait(browser, "!!document.querySelector('[data-product=report]')");
-    /* While the frames are still processed, a report is out of date at once. */
+    /* A report is out of date as soon as a further frame is processed. */
     for (gboolean shown = FALSE; !shown;) {
         g_free(browser_value(browser, "(document.getElementById('product-state').textContent = '', "
                                       "document.querySelector('[data-product=report]').click())"));

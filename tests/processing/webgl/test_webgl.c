@@ -35,7 +35,7 @@
 #define CLUSTERS   32
 #define PARTS      8
 
-/* The page draws its own picture, too, in the size of the window. */
+/* The page also draws its own picture, in the size of the window. */
 #define PAGE_WIDTH  320
 #define PAGE_HEIGHT 240
 
