@@ -351,8 +351,7 @@ static void end_forecast(struct reader *reader) {
     g_idle_add(on_told, told);
 }
 
-/* Begins a forecast if there are pictures that the last one does not know, or if shots that it
- * counts on were left out. */
+/* Begins a forecast if there are pictures that the last forecast does not know. */
 static void begin_forecast(struct reader *reader) {
     const int n = partial_n_measured(reader->partial);
     if (n == 0 || g_get_monotonic_time() < reader->due_us ||

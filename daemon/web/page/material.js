@@ -449,12 +449,13 @@ $("material").addEventListener("keydown", event => {
 $("material-tint").onchange = () => { material.tinted = $("material-tint").checked; drawMaterial(); };
 $("material-exposure").oninput = drawMaterial;
 
-// Ends the capture when the expected error has reached the number of the page. The page must stay open.
-function stopAtGoal() {
-  const goal = Number($("good-enough-pct").value);
-  if (!(goal > 0) || material.error === null || 100 * material.error > goal || material.stopped ||
-      !["running", "homing"].includes(state.state) || $("finish").disabled) return;
-  material.stopped = true;
-  act("finish");
+// Ends the capture when the expected error has reached the number of the page. The page must stay open. A session
+// is ended once: after "finish" an operator may resume it. A refused "finish" is tried again with the next picture.
+async function stopAtGoal() {
+  const goal = Number($("good-enough-pct").value), { session } = material.info;
+  if (!(goal > 0) || material.error === null || 100 * material.error > goal || material.stopped === session ||
+      state.session !== session || !["running", "homing"].includes(state.state) || $("finish").disabled) return;
+  material.stopped = session;
+  if (!await act("finish")) material.stopped = null;
 }
-$("good-enough-pct").oninput = () => { material.stopped = false; };
+$("good-enough-pct").oninput = () => { material.stopped = null; };

@@ -422,6 +422,24 @@ static void capture_one_view(struct site *site, Browser *browser) {
     browser_wait(browser, "material.view[0] == 30");
 }
 
+/* The number of the page ends each capture once, if it is that of the material shown. A refused
+ * "finish" is tried again. */
+static void stop_at_goal(Browser *browser) {
+    g_free(browser_value(
+        browser,
+        "(async () => { let tried = 0; const session = material.info.session;"
+        " const stop = async () => { await stopAtGoal(); return tried; };"
+        " act = async () => { tried++; return tried === 1 ? null : {}; };"
+        " $('finish').disabled = false; $('good-enough-pct').value = 5; material.error = 0.04;"
+        " Object.assign(state, {state: 'running', session: 'another'}); const other = await stop();"
+        " state.session = session;"
+        " material.error = 0.06; const worse = await stop(); material.error = 0.04;"
+        " const refused = await stop(), again = await stop(), done = await stop();"
+        " material.info = {...material.info, session: 'next'}; state.session = 'next';"
+        " window.stops = [other, worse, refused, again, done, await stop()].join(' '); })()"));
+    browser_wait(browser, "window.stops == '0 0 1 2 2 3'");
+}
+
 /* The material so far: it is drawn, follows the light by mouse and keyboard, and says what is
  * measured. */
 TEST(material) {
@@ -471,6 +489,7 @@ TEST(material) {
                           "document.getElementById('material-text').textContent)");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     capture_one_view(site, browser);
+    stop_at_goal(browser);
     browser_free(browser);
     site_free(site);
 }
