@@ -71,7 +71,7 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
             error, CAMERAS_ERROR_FIT,
             "the camera's poses at the stops of the camera arm deviate by %.2g° (RMS) from turns "
             "about one axis by the angles in the rig file, and at most %d° is allowed: check that "
-            "the arm moves, and steps_per_deg of [axis arm], and capture again",
+            "the arm moves, and steps_per_deg or units_per_deg of [axis arm], and capture again",
             ret->angle_rms_rad * 180 / G_PI, MAX_OFF_DEG);
     const double off_deg =
         acos(CLAMP(vec3_dot(ret->swing.axis, work->nominal.arm.axis), -1, 1)) * 180 / G_PI;
@@ -79,7 +79,7 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
            cameras_refuse(error, CAMERAS_ERROR_FIT,
                           "the camera arm turns about an axis that is %.0f° from the axis in the "
                           "rig file: check [rig] arm_axis_theta_deg and arm_axis_phi_deg, and the "
-                          "sign of steps_per_deg of [axis arm], and capture again",
+                          "sign of steps_per_deg or units_per_deg of [axis arm], and capture again",
                           off_deg);
 }
 

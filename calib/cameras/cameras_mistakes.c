@@ -157,16 +157,16 @@ static void tell_mistake(const struct rig *rig, const struct mistake *mistake, d
     else if (mistake->turntable == -1)
         cameras_refuse(error, CAMERAS_ERROR_FIT,
                        "the turntable turns the wrong way, clockwise seen from above: with the "
-                       "other sign of the angles, %s; correct the sign of steps_per_deg of [axis "
-                       "turntable] in the rig file, or for imported pictures turntable_deg in the "
-                       "table, and capture or import again",
+                       "other sign of the angles, %s; correct the sign of steps_per_deg or "
+                       "units_per_deg of [axis turntable] in the rig file, or for imported "
+                       "pictures turntable_deg in the table, and capture or import again",
                        fit);
     else
         cameras_refuse(
             error, CAMERAS_ERROR_FIT,
             "the turntable's angles seem to be in radians%s: read as radians, %s; correct "
-            "turntable_deg in the table (imported pictures) or steps_per_deg of [axis "
-            "turntable] in the rig file, and capture or import again",
+            "turntable_deg in the table (imported pictures) or steps_per_deg or units_per_deg of "
+            "[axis turntable] in the rig file, and capture or import again",
             mistake->turntable < 0 ? " and of the opposite sign" : "", fit);
 }
 

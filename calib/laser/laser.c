@@ -542,18 +542,19 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
         if (fabs(turn - 1) <= RIG_MAX_STRETCH)
             continue;
         if (turn < 0)
-            g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
-                        "laser %s: the direction of its sweep is reversed (a step of 1° turns the "
-                        "sheet by %.3f°); change the sign of steps_per_deg of its sweep axis in "
-                        "the rig file, or the motor's direction in its controller, or for imported "
-                        "pictures the sign of sweep_deg in the table, and capture or import again",
-                        laser->name, turn);
+            g_set_error(
+                error, LASER_ERROR, LASER_ERROR_SWEEP,
+                "laser %s: the direction of its sweep is reversed (a step of 1° turns the sheet by "
+                "%.3f°); change the sign of steps_per_deg or units_per_deg of its sweep axis in "
+                "the rig file, or the motor's direction in its controller, or for imported "
+                "pictures the sign of sweep_deg in the table, and capture or import again",
+                laser->name, turn);
         else
             g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
                         "laser %s: a step of 1° of its sweep turns the sheet by %.3f°, and at most "
-                        "%g° too much or too little can be calibrated; correct steps_per_deg of "
-                        "its sweep axis in the rig file, or for imported pictures sweep_deg in the "
-                        "table, and capture or import again",
+                        "%g° too much or too little can be calibrated; correct steps_per_deg or "
+                        "units_per_deg of its sweep axis in the rig file, or for imported pictures "
+                        "sweep_deg in the table, and capture or import again",
                         laser->name, turn, RIG_MAX_STRETCH);
         return FALSE;
     }

@@ -109,16 +109,16 @@ static void tell(const struct rig *rig, const struct planes *planes, const struc
         is_rad * DEG, would_be_rad * DEG);
     if (mistake->kind == ARC_REVERSED)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                    "the arc turns the wrong way, clockwise seen from above "
-                    "(%s); change the sign of steps_per_deg of [axis arc] in the rig file, or the "
+                    "the arc turns the wrong way, clockwise seen from above (%s); change the sign "
+                    "of steps_per_deg or units_per_deg of [axis arc] in the rig file, or the "
                     "motor's direction in its controller, or for imported pictures the sign of "
                     "arc_deg in the table, and capture or import again",
                     fit);
     else if (mistake->kind == ARC_RADIANS)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
                     "the angles of the arc are in radians (%s); give arc_deg in degrees in the "
-                    "table of the pictures, or steps_per_deg of [axis arc] in the rig file in "
-                    "steps per degree, and import or capture again",
+                    "table of the pictures, or steps_per_deg or units_per_deg of [axis arc] in the "
+                    "rig file in steps per degree, and import or capture again",
                     fit);
     else if (mistake->kind == LASERS_SWAPPED)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,

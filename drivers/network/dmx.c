@@ -237,7 +237,8 @@ static gboolean is_sent(const struct command *command) {
     return command->n_sent >= DMX_SENDS;
 }
 
-/* Ends the commands that are confirmed, refused or overdue. */
+/* Ends the commands that are confirmed or refused. If one is overdue, ends all of them. Reports lit
+ * lamps as lost if the receivers have a fault or are silent. */
 static void check_commands(struct dmx *dmx) {
     const gint64 now = clock_now_us(dmx->bank->device.clock);
     const gint64 alive_us = dmx->protocol->alive_us(dmx);

@@ -49,7 +49,9 @@ static gboolean check_frames(const Session *session, gint64 shot, enum session_s
             return refuse(session, frame, error,
                           "the frame is committed with shot %" G_GINT64_FORMAT, shot);
         if (frame->camera < 0 || frame->camera >= CAMERA_SET_MAX)
-            return refuse(session, frame, error, "the number of the camera must be 0 to %d",
+            return refuse(session, frame, error,
+                          "the number of the camera must be 0 to %d; this is a fault of the "
+                          "program: report it",
                           CAMERA_SET_MAX - 1);
         if (!session_is_relative(frame->path))
             return refuse(session, frame, error, "the path leads out of the session");

@@ -246,18 +246,19 @@ static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
         const char *what, *fix;
-    } all[] = {{1, -1, "the arc turns the wrong way", "the sign of steps_per_deg of [axis arc]"},
+    } all[] = {{1, -1, "the arc turns the wrong way",
+                "the sign of steps_per_deg or units_per_deg of [axis arc]"},
                {1, 180 / G_PI, "the arc's angles are in radians, not in degrees",
-                "steps_per_deg of [axis arc]"},
+                "steps_per_deg or units_per_deg of [axis arc]"},
                {-1, 1, "the turntable turns the wrong way",
-                "the sign of steps_per_deg of [axis turntable]"},
+                "the sign of steps_per_deg or units_per_deg of [axis turntable]"},
                {-1, -1, "turntable and arc turn the wrong way",
-                "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
+                "the signs of steps_per_deg or units_per_deg of [axis turntable] and [axis arc]"},
                {180 / G_PI, 1, "the turntable's angles are in radians, not in degrees",
-                "steps_per_deg of [axis turntable]"},
+                "steps_per_deg or units_per_deg of [axis turntable]"},
                {180 / G_PI, 180 / G_PI,
                 "the angles of turntable and arc are in radians, not in degrees",
-                "steps_per_deg of [axis turntable] and [axis arc]"}};
+                "steps_per_deg or units_per_deg of [axis turntable] and [axis arc]"}};
     struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
     const gsize n = run->tile_shots->len;
     g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);

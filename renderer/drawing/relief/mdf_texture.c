@@ -44,7 +44,7 @@ static gboolean check(int width, int height, int n_layers, GError **error) {
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                 "an MDF of %d × %d texels in %d layers is too large: %s supports %d texels in each "
-                "direction in %d layers; process the material with fewer texels or views",
+                "direction in %d layers; capture or import the material with fewer texels or views",
                 width, height, n_layers, gpu_renderer(), size, layers);
     return FALSE;
 }

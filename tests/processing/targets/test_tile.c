@@ -88,7 +88,8 @@ TEST(wrong_tile) {
     } wrong[] = {
         {"UPDATE shot SET turntable_deg = -turntable_deg", NULL,
          "the turntable turns the wrong way"},
-        {"UPDATE shot SET arc_deg = -arc_deg", NULL, "the sign of steps_per_deg of [axis arc]"},
+        {"UPDATE shot SET arc_deg = -arc_deg", NULL,
+         "the sign of steps_per_deg or units_per_deg of [axis arc]"},
         {RADIANS("turntable_deg"), DEGREES("turntable_deg"),
          "the turntable's angles are in radians"},
         {RADIANS("arc_deg"), DEGREES("arc_deg"), "the arc's angles are in radians"},
