@@ -1,5 +1,6 @@
 /* verify: compares every file of a session with its checksum, and shows the commands that repair
  * damaged files. */
+#include "base/file_lock.h"
 #include "common/cli.h"
 #include "common/work.h"
 #include "session/session.h"
@@ -7,6 +8,9 @@
 
 #include <glib/gstdio.h>
 #include <string.h>
+
+#define POLL_US     (100 * 1000)
+#define PATIENCE_US (10 * G_USEC_PER_SEC)
 
 struct verify {
     const char *path;
@@ -56,6 +60,42 @@ static void find_unknown(struct verify *verify, const char *folder, GHashTable *
     }
 }
 
+/* Gives the damaged products and the unknown files. */
+static gboolean examine(struct verify *verify, Session *session, const struct work *work,
+                        GError **error) {
+    g_clear_pointer(&verify->products, g_ptr_array_unref);
+    g_clear_pointer(&verify->unknown, g_ptr_array_unref);
+    verify->products =
+        session_find_damage(session, SESSION_PRODUCTS_MADE, "", work, &verify->n_products, error);
+    g_autoptr(GHashTable) known = verify->products ? session_products(session, error) : NULL;
+    g_autoptr(GPtrArray) frames = known ? session_frames(session, error) : NULL;
+    if (!frames)
+        return FALSE;
+    for (guint i = 0; i < frames->len; i++)
+        g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
+    verify->unknown = g_ptr_array_new_with_free_func(g_free);
+    find_unknown(verify, "", known);
+    g_ptr_array_sort(verify->unknown, by_name);
+    return TRUE;
+}
+
+/* A program that makes products writes a file shortly before its row. If such a program was at
+ * work, what seems to be wrong is therefore examined again. */
+static gboolean examine_settled(struct verify *verify, Session *session, const struct work *work,
+                                GError **error) {
+    g_autofree char *lock = session_file(session, SESSION_PROCESS_LOCK);
+    const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
+    for (;;) {
+        const gboolean held = file_lock_is_held(lock);
+        if (!examine(verify, session, work, error))
+            return FALSE;
+        if (verify->products->len + verify->unknown->len == 0 || !held ||
+            g_get_monotonic_time() >= until_us)
+            return TRUE;
+        g_usleep(POLL_US);
+    }
+}
+
 static gboolean work_verify(const struct work *work, gpointer data, GError **error) {
     struct verify *verify = data;
     g_autoptr(Session) session = session_open(verify->path, SESSION_PRODUCTS, NULL);
@@ -72,18 +112,7 @@ static gboolean work_verify(const struct work *work, gpointer data, GError **err
         const struct session_damage *damage = verify->frames->pdata[i];
         session_note_damage(session, damage->path, damage->what, &verify->not_noted);
     }
-    verify->products =
-        session_find_damage(session, SESSION_PRODUCTS_MADE, "", work, &verify->n_products, error);
-    g_autoptr(GHashTable) known = verify->products ? session_products(session, error) : NULL;
-    g_autoptr(GPtrArray) frames = known ? session_frames(session, error) : NULL;
-    if (!frames)
-        return FALSE;
-    for (guint i = 0; i < frames->len; i++)
-        g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
-    verify->unknown = g_ptr_array_new_with_free_func(g_free);
-    find_unknown(verify, "", known);
-    g_ptr_array_sort(verify->unknown, by_name);
-    return TRUE;
+    return examine_settled(verify, session, work, error);
 }
 
 static void add_damages(Record *to, const GPtrArray *damages, gboolean missing) {

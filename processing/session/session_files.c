@@ -244,7 +244,7 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
     return ret;
 }
 
-/* Repeats the check while a writer may still be adding a row, because a program that makes products
+/* Repeats the check if a program was making products when the check began, because such a program
  * writes a file shortly before its row. */
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error) {
@@ -254,11 +254,12 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
     const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
 
     for (;;) {
+        const gboolean held = file_lock_is_held(lock);
         g_autoptr(GPtrArray) damages =
             session_find_damage(session, SESSION_PRODUCTS_MADE, prefix, &silent, NULL, error);
         if (!damages || damages->len == 0)
             return damages != NULL;
-        if (g_get_monotonic_time() >= until_us || !file_lock_is_held(lock)) {
+        if (g_get_monotonic_time() >= until_us || !held) {
             const struct session_damage *damage = g_ptr_array_index(damages, 0);
             const char *remedy = damage->remedy;
             return session_fail(error, SESSION_ERROR_DAMAGED, "%s/%s: damaged: %s; %s%s%s",

@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/file_lock.h"
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/operator.h"
@@ -259,6 +260,34 @@ TEST(unknown) {
     assert_has(run->out, "damaged   products/btf/view_0001.exr: it is a");
     operator_does(run, 0, "process", run->session, NULL);
     operator_does(run, 0, "verify", run->session, NULL);
+    operator_free(run);
+}
+
+struct maker {
+    const char *file, *lock_path;
+    int lock;
+};
+
+/* Ends 0.5 s later; its file is no product after all. */
+static gpointer make(gpointer data) {
+    const struct maker *maker = data;
+    g_usleep(G_USEC_PER_SEC / 2);
+    g_unlink(maker->file);
+    file_lock_give(maker->lock, maker->lock_path);
+    return NULL;
+}
+
+/* While a program makes products, a file without a row is examined again. */
+TEST(made_meanwhile) {
+    struct operation *run = processed();
+    g_autofree char *file = g_build_filename(run->session, "products/new.exr", NULL);
+    g_autofree char *lock_path = g_build_filename(run->session, SESSION_PROCESS_LOCK, NULL);
+    g_assert_true(g_file_set_contents(file, "x", 1, NULL));
+    struct maker maker = {file, lock_path, file_lock_take(lock_path, "products", NULL)};
+    g_assert_cmpint(maker.lock, >=, 0);
+    GThread *thread = g_thread_new("maker", make, &maker);
+    operator_does(run, 0, "verify", run->session, NULL);
+    g_thread_join(thread);
     operator_free(run);
 }
 
