@@ -142,9 +142,10 @@ static void abandoned(int signal, enum virtual_gcode_language language, gboolean
                    (double)(g_get_monotonic_time() - begun) * 1e-6);
     UNTIL (!find_guardian(bench.run.rig))
         g_usleep(10000);
+    g_autofree char *log = text_file_read(bench.run.log);
+    g_test_message("%s", log);
     g_assert_false(state_of(&bench).moving);
     g_assert_cmpfloat(fabs(state_of(&bench).at[0]), <, 175);
-    g_autofree char *log = text_file_read(bench.run.log);
     /* What the daemon or its guardian says. */
     if (signal == SIGTERM) {
         assert_has(log, "mesorigd: the rig is safe\n");
