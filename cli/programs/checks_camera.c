@@ -8,9 +8,12 @@
 #include <string.h>
 
 #define EXPOSURE_US 10000
-#define STOPPED_US  1000000 /* exposure that is stopped */
-#define SHORT_US    300000  /* an exposure below this may end before the program reads “stop” */
-#define STOP_MS     100     /* from “trigger” to “stop” */
+/* Exposure of the first picture. The computer may delay an answer by more than EXPOSURE_US, and an
+ * answer before the end of the exposure would not be noticed. */
+#define FIRST_US   100000
+#define STOPPED_US 1000000 /* exposure that is stopped */
+#define SHORT_US   300000  /* an exposure below this may end before the program reads “stop” */
+#define STOP_MS    100     /* from “trigger” to “stop” */
 
 /* Returns the exposure of the camera that is nearest to the wanted one. */
 static gint64 exposure(const struct bench *bench, gint64 wanted_us) {
@@ -104,7 +107,7 @@ static gboolean shoot(struct bench *bench, gint64 exposure_us, double gain_db) {
 }
 
 gboolean check_camera_trigger(struct bench *bench) {
-    return bench_ready(bench) && shoot(bench, exposure(bench, EXPOSURE_US), 0);
+    return bench_ready(bench) && shoot(bench, exposure(bench, FIRST_US), 0);
 }
 
 gboolean check_camera_pictures(struct bench *bench) {
