@@ -76,22 +76,37 @@ static gboolean is_job(const struct config_section *section, const struct driver
            (!g_strv_contains(others, section->class_name) && *config_keys(section));
 }
 
+/* Returns the name of the line; g_free(). All simulated devices share one line. Devices without a
+ * key that names the line share the line of their driver. */
+static char *line_of(const struct config_section *section, const struct driver_info *info) {
+    static const char *const keys[] = {"bus", "port", "address", NULL};
+    const char *serial = config_value(section, "serial", NULL);
+    const char *path = config_value(section, "path", NULL);
+    const char *program = config_value(section, "program", NULL);
+
+    if (info && g_str_has_prefix(info->name, "sim-"))
+        return g_strdup("the simulated rig");
+    for (const char *const *key = keys; *key; key++) {
+        const char *value = config_value(section, *key, NULL);
+        if (value && *value)
+            return g_strdup(value);
+    }
+    if (program)
+        return g_strdup_printf("program %s of [%s]", program, section->group);
+    return g_strdup_printf("%s %s %s", info ? info->name : "usb", serial ? serial : "",
+                           path ? path : "");
+}
+
 static void add_job(SafeState *state, const struct config_section *section) {
     const struct driver_info *info = drivers_by_name(section);
 
     if (!is_job(section, info))
         return;
-    const char *bus = config_value(section, "bus", NULL);
-    const char *serial = config_value(section, "serial", NULL);
-    const char *path = config_value(section, "path", NULL);
-    const char *program = config_value(section, "program", NULL);
     struct job *job = g_new0(struct job, 1);
     job->section = section;
     job->info = info;
     job->name = g_strconcat(class_of(job), section->name ? " " : "", section->name, NULL);
-    job->line = bus       ? g_strdup(bus)
-                : program ? g_strdup_printf("program %s of [%s]", program, section->group)
-                          : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
+    job->line = line_of(section, info);
     g_ptr_array_add(state->jobs, job);
 }
 

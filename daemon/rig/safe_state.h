@@ -17,8 +17,9 @@ void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)
 
 /* The devices: lasers first, then lamps, then axes. Names are like "laser top". safe_state_line()
- * names the line (bus, USB device or program) through which a device is reached. Devices on the
- * same line cannot be reached at the same time. The SafeState owns the strings and the Config. */
+ * names the line (bus, port, address, USB device or program) through which a device is reached.
+ * Devices on the same line cannot be reached at the same time. The SafeState owns the strings and
+ * the Config. */
 int safe_state_n(const SafeState *state);
 const char *safe_state_name(const SafeState *state, int index);
 const char *safe_state_line(const SafeState *state, int index);

@@ -11,9 +11,11 @@
 #include "lib/wait.h"
 #include "virtual/gcode.h"
 
+#include <fcntl.h>
 #include <math.h>
 #include <signal.h>
 #include <string.h>
+#include <unistd.h>
 
 #define SMALL SOURCE_DIR "/tests/small/"
 
@@ -154,6 +156,44 @@ static void abandoned(int signal, enum virtual_gcode_language language, gboolean
         assert_has(log, "axis arc: stands, read back\n");
     }
     end(&bench);
+}
+
+/* Two boards. The first one is silent, which is known after 20 s at the earliest. Meanwhile the
+ * second one must be stopped, whose way takes 9 s. */
+TEST(beside_a_silent_board) {
+    static const char way[] = "$X\nG21G90G94G53G1X180F1200\n";
+    const struct virtual_gcode_options options = {
+        .n_axes = 3, .units_s = 200, .units_s2 = 2000, .steps = 1000};
+    const struct virtual_gcode_faults silent = {.silent = TRUE};
+    TEMPORARY_FOLDER(folder);
+    struct bench bench = {.board = ok(virtual_gcode_new(&options, ERR))};
+    VirtualGcode *other = ok(virtual_gcode_new(&options, ERR));
+    virtual_gcode_fail(other, &silent);
+    g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
+    g_autofree char *text = g_strdup_printf(
+        "[rig]\nid = boards\nclock = real\narc_radius_mm = 500\n"
+        "[axis arc]\ndriver = gcode-axis\nport = %s\nletter = X\nunits_per_deg = 1\n"
+        "boot_ms = 20000\nspeed_deg_s = 20\naccel_deg_s2 = 200\n"
+        "[axis turntable]\ndriver = gcode-axis\nport = %s\nletter = X\nunits_per_deg = 1\n"
+        "wraps = yes\nspeed_deg_s = 20\naccel_deg_s2 = 200\n",
+        virtual_gcode_port(other), virtual_gcode_port(bench.board));
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+    const int fd = open(virtual_gcode_port(bench.board), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(write(fd, way, strlen(way)), ==, strlen(way));
+    UNTIL (state_of(&bench).moving)
+        g_usleep(1000);
+    close(fd);
+    GSubprocess *making =
+        process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+                      (const char *[]){BUILD_DIR "/bin/mesorigd", "--safe-state", path, NULL});
+    UNTIL (!state_of(&bench).moving)
+        g_usleep(1000);
+    g_test_message("the turntable stands at %.1f°", state_of(&bench).at[0]);
+    g_assert_cmpfloat(state_of(&bench).at[0], <, 170);
+    g_subprocess_force_exit(making);
+    g_object_unref(making);
+    virtual_gcode_free(other);
+    virtual_gcode_free(bench.board);
 }
 
 TEST(killed) {
