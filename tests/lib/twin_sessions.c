@@ -75,11 +75,7 @@ void twin_assert_noise_alone(const char *name) {
 
 GSubprocess *twin_start_daemon(GSubprocessFlags flags, const char *log, const char *rig,
                                const char *address) {
-    const char *socket = address + strlen("unix:path=");
-    GSubprocess *daemon = process_start(
+    return process_start_ready(
         flags, log,
         (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", address, "--rig", rig, NULL});
-    for (int i = 0; i < 6000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(10000);
-    return daemon;
 }

@@ -5,7 +5,6 @@
 #include <string.h>
 
 static void start_daemon(struct site *site, int flags) {
-    g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
     g_autofree char *queue = g_build_filename(site->run->directory, "queue", NULL);
     const char *argv[8] = {BUILD_DIR "/bin/mesorigd", "--listen", site->bus};
     int n = 3;
@@ -17,9 +16,7 @@ static void start_daemon(struct site *site, int flags) {
         argv[n++] = "--queue";
         argv[n++] = queue;
     }
-    site->daemon = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL, argv);
-    UNTIL (g_file_test(socket, G_FILE_TEST_EXISTS))
-        g_usleep(G_USEC_PER_SEC / 10);
+    site->daemon = process_start_ready(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL, argv);
 }
 
 void site_start_daemon(struct site *site) {

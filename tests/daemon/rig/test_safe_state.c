@@ -562,8 +562,10 @@ static void end_guardians(struct fixture *fixture, enum end end) {
 /* Through the bus, by a client that stays. */
 static void ask_for_light(struct fixture *fixture, enum line which) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
-    fixture->client = ok(g_dbus_connection_new_for_address_sync(
-        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
+    /* The socket exists shortly before the daemon listens to it. */
+    UNTIL ((fixture->client = g_dbus_connection_new_for_address_sync(
+                address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, NULL)))
+        g_usleep(2000);
     g_dbus_connection_call(fixture->client, NULL, BUS_PATH, BUS_NAME,
                            which == LASER ? "SetLaser" : "SetLamp",
                            g_variant_new("(sbd)", which == LASER ? "top" : "lamp30", TRUE, 60.0),
@@ -729,8 +731,10 @@ static void test_close_not_safe(struct fixture *fixture, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     start_daemon(fixture);
     light_up(fixture);
-    fixture->client = ok(g_dbus_connection_new_for_address_sync(
-        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
+    /* The socket exists shortly before the daemon listens to it. */
+    UNTIL ((fixture->client = g_dbus_connection_new_for_address_sync(
+                address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, NULL)))
+        g_usleep(2000);
     virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
     g_assert_null(g_dbus_connection_call_sync(fixture->client, NULL, BUS_PATH, BUS_NAME, "CloseRig",
                                               NULL, NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL,
