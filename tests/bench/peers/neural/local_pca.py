@@ -68,10 +68,10 @@ def models(build, captured, folder):
             program = os.path.join(build, "bin", "mesorig")
             command = [program, "compress", session, *options, "-o", path + ".exr", "--json"]
             done = subprocess.run([*command, "--force"], capture_output=True, text=True)
-            if "is too small" in done.stderr:  # of few texels, the header alone takes more
+            if "is too small" in done.stdout:  # of few texels, the header alone takes more
                 continue
             if done.returncode != 0:
-                raise SystemExit("%s: %s" % (" ".join(command), done.stderr))
+                raise SystemExit("%s: %s" % (" ".join(command), done.stdout + done.stderr))
             made = done.stdout.encode()
             with open(path + ".json", "wb") as file:
                 file.write(made.splitlines()[-1])  # the lines before it tell what was tried
