@@ -127,7 +127,8 @@ struct writing {
     BrdfFunction f;
     gpointer data;
     int n_turns;
-    double *values; /* 3 × THETA_H × THETA_D × PHI_D */
+    const double (*turns)[2]; /* n_turns: cosine and sine of each rotation */
+    double *values;           /* 3 × THETA_H × THETA_D × PHI_D */
     /* for each θ_h, summed over its bins: the squared differences of f from the mean of the bin,
      * and the squared means */
     double squares[THETA_H][2];
@@ -143,8 +144,8 @@ static void directions(int i, int j, int k, double light[3], double view[3]) {
     view[0] = s * z - c * x, view[1] = -y, view[2] = c * z + s * x;
 }
 
-static void merl_turn(const double from[3], double angle, float ret[3]) {
-    const double c = cos(angle), s = sin(angle);
+static void merl_turn(const double from[3], const double turn[2], float ret[3]) {
+    const double c = turn[0], s = turn[1];
     ret[0] = (float)(c * from[0] - s * from[1]);
     ret[1] = (float)(s * from[0] + c * from[1]);
     ret[2] = (float)from[2];
@@ -156,10 +157,9 @@ static void fill_bin(struct writing *writing, int i, gsize at, const double ligh
     const int count = 2 * writing->n_turns;
     double sum[3] = {0}, squares = 0;
     for (int turn = 0; turn < writing->n_turns; turn++) {
-        const double angle = 2 * G_PI * turn / writing->n_turns;
         float l[3], v[3], both[2][3];
-        merl_turn(light, angle, l);
-        merl_turn(view, angle, v);
+        merl_turn(light, writing->turns[turn], l);
+        merl_turn(view, writing->turns[turn], v);
         writing->f(l, v, both[0], writing->data);
         writing->f(v, l, both[1], writing->data);
         for (int c = 0; c < 6; c++) {
@@ -199,8 +199,13 @@ gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns
     const gsize n = (gsize)3 * THETA_H * THETA_D * PHI_D, bytes = sizeof sizes + n * sizeof(double);
     g_autofree guint8 *out = g_malloc(bytes);
     g_autofree double *values = g_new(double, n);
-    struct writing writing = {.f = f, .data = data, .n_turns = MAX(n_turns, 1), .values = values};
+    g_autofree double(*turns)[2] = g_malloc_n((gsize)MAX(n_turns, 1), sizeof *turns);
+    struct writing writing = {f, data, MAX(n_turns, 1), turns, values, {{0}}};
     double differences = 0, squares = 0;
+    for (int turn = 0; turn < writing.n_turns; turn++) {
+        turns[turn][0] = cos(2 * G_PI * turn / writing.n_turns);
+        turns[turn][1] = sin(2 * G_PI * turn / writing.n_turns);
+    }
     if (!work_parallel(work, "export", THETA_H, fill, &writing, error))
         return FALSE;
     for (int i = 0; i < THETA_H; i++) {

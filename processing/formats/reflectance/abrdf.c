@@ -21,7 +21,7 @@ struct Abrdf {
     struct abrdf_info info;
     double *sums;   /* n_views × n_lights × 3: the sum of B, later its mean */
     double *counts; /* number of values in each sum: n_views × n_lights */
-    float *samples; /* 3 × SAMPLES (views) × SAMPLES (lights): f_r */
+    float *samples; /* SAMPLES (views) × SAMPLES (lights) × 3: f_r */
 };
 
 void abrdf_free(Abrdf *abrdf) {
@@ -190,13 +190,15 @@ static gboolean resample(Abrdf *abrdf, const float *f, GError **error) {
     if (!of_lights)
         return FALSE;
     g_autofree float *half = g_new(float, (gsize)SAMPLES *(gsize)n_lights);
+    g_autofree float *colour = g_new(float, (gsize)SAMPLES *SAMPLES);
     abrdf->samples = g_new(float, (gsize)3 * SAMPLES * SAMPLES);
     for (gsize c = 0; c < 3; c++) {
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, SAMPLES, n_lights, n_views, 1,
                     of_views, n_views, f + c * pairs, n_lights, 0, half, n_lights);
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, SAMPLES, SAMPLES, n_lights, 1, half,
-                    n_lights, of_lights, n_lights, 0, abrdf->samples + c * SAMPLES * SAMPLES,
-                    SAMPLES);
+                    n_lights, of_lights, n_lights, 0, colour, SAMPLES);
+        for (gsize i = 0; i < (gsize)SAMPLES * SAMPLES; i++)
+            abrdf->samples[3 * i + c] = colour[i];
     }
     return TRUE;
 }
@@ -211,10 +213,10 @@ void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpo
     for (int v = 0; v < 4; v++)
         for (int l = 0; l < 4; l++) {
             const float weight = of_views[v] * of_lights[l];
-            const float *sample = abrdf->samples + views[v] * SAMPLES + lights[l];
+            const float *sample = abrdf->samples + 3 * (views[v] * SAMPLES + lights[l]);
             sum[0] += weight * sample[0];
-            sum[1] += weight * sample[SAMPLES * SAMPLES];
-            sum[2] += weight * sample[2 * SAMPLES * SAMPLES];
+            sum[1] += weight * sample[1];
+            sum[2] += weight * sample[2];
         }
     for (int c = 0; c < 3; c++)
         ret[c] = MAX(sum[c], 0);
