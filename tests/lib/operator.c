@@ -3,6 +3,8 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
+#include "bus/bus.h"
+#include "ok.h"
 #include "remove_tree.h"
 #include "session/session.h"
 
@@ -120,6 +122,16 @@ char *operator_frames(const char *path) {
                                frame->captured_s, frame->retakes);
     }
     return g_string_free(text, FALSE);
+}
+
+GVariant *operator_properties(const char *address) {
+    g_autoptr(GDBusConnection) connection = ok(g_dbus_connection_new_for_address_sync(
+        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
+    g_autoptr(GVariant) answer = ok(g_dbus_connection_call_sync(
+        connection, NULL, BUS_PATH, "org.freedesktop.DBus.Properties", "GetAll",
+        g_variant_new("(s)", BUS_NAME), G_VARIANT_TYPE("(a{sv})"), G_DBUS_CALL_FLAGS_NONE, -1, NULL,
+        ERR));
+    return g_variant_get_child_value(answer, 0);
 }
 
 const char *operator_folder(void) {

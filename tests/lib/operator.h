@@ -33,3 +33,7 @@ const char *operator_undisturbed(void);
 void operator_check_products(struct operation *run);
 /* Returns the data of all frames in the database, one frame per line; g_free(). */
 char *operator_frames(const char *path);
+
+/* Returns all properties of the daemon at an address, as a{sv}; g_variant_unref(). Tests that wait
+ * for the daemon call this instead of “mesorig status”, which costs far more. */
+GVariant *operator_properties(const char *address);

@@ -114,6 +114,24 @@ static char *states(struct site *site) {
     return g_string_free(to, FALSE);
 }
 
+/* The same from the daemon's properties, without a start of mesorig. */
+static gboolean daemon_has(const struct site *site, const char *wanted) {
+    g_autoptr(GVariant) properties = operator_properties(site->address), list = NULL;
+    g_autoptr(GString) found = g_string_new(NULL);
+    const char *state = NULL;
+    g_assert_true(g_variant_lookup(properties, "QueueState", "&s", &state));
+    g_assert_true(g_variant_lookup(properties, "Queue", "@aa{sv}", &list));
+    for (gsize i = 0; i < g_variant_n_children(list); i++) {
+        g_autoptr(GVariant) item = g_variant_get_child_value(list, i);
+        const char *of_item = NULL;
+        g_assert_true(g_variant_lookup(item, "state", "&s", &of_item));
+        g_string_append_printf(found, "%s ", of_item);
+    }
+    g_string_append(found, state);
+    return g_str_equal(found->str, wanted);
+}
+
+/* Until mesorig says so. */
 static void wait_for(struct site *site, const char *wanted) {
     g_autofree char *found = NULL;
     const gint64 until = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
@@ -121,7 +139,9 @@ static void wait_for(struct site *site, const char *wanted) {
         if (g_get_monotonic_time() > until)
             g_error("the queue is “%s”, not “%s”: %s", found, wanted, site->run->out);
         g_free(found);
-        g_usleep(G_USEC_PER_SEC / 10);
+        do
+            g_usleep(G_USEC_PER_SEC / 20);
+        while (!daemon_has(site, wanted) && g_get_monotonic_time() <= until);
     }
 }
 
