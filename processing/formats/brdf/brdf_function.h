@@ -7,6 +7,10 @@
  * surface. The function is called from several threads at the same time. */
 typedef void (*BrdfFunction)(const float light[3], const float view[3], float ret[3],
                              gpointer data);
+/* The same for both orders of two directions: with light a and view b, and with light b and view
+ * a. */
+typedef void (*BrdfBothFunction)(const float a[3], const float b[3], float ret[2][3],
+                                 gpointer data);
 
 /* The conversion of UTIA's numbers to f_r = scale · decode (number / divide); see utia.h. */
 struct brdf_coding {

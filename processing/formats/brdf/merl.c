@@ -124,7 +124,7 @@ void merl_evaluate(const struct merl *merl, const float light[3], const float vi
 }
 
 struct writing {
-    BrdfFunction f;
+    BrdfBothFunction f;
     gpointer data;
     int n_turns;
     const double (*turns)[2]; /* n_turns: cosine and sine of each rotation */
@@ -160,8 +160,7 @@ static void fill_bin(struct writing *writing, int i, gsize at, const double ligh
         float l[3], v[3], both[2][3];
         merl_turn(light, writing->turns[turn], l);
         merl_turn(view, writing->turns[turn], v);
-        writing->f(l, v, both[0], writing->data);
-        writing->f(v, l, both[1], writing->data);
+        writing->f(l, v, both, writing->data);
         for (int c = 0; c < 6; c++) {
             const double value = (double)both[c / 3][c % 3];
             sum[c % 3] += value;
@@ -193,7 +192,7 @@ static void fill(int i, gpointer data) {
         }
 }
 
-gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns,
+gboolean merl_write(const char *path, BrdfBothFunction f, gpointer data, int n_turns,
                     const struct work *work, struct merl_result *ret, GError **error) {
     const gint32 sizes[3] = {THETA_H, THETA_D, PHI_D};
     const gsize n = (gsize)3 * THETA_H * THETA_D * PHI_D, bytes = sizeof sizes + n * sizeof(double);

@@ -35,5 +35,5 @@ struct merl_result {
 /* Writes a file. The value of each bin is the mean of f at its centre over n_turns equally spaced
  * rotations about the normal, and over both orders of light and view. The progress stage is
  * "export". */
-gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns,
+gboolean merl_write(const char *path, BrdfBothFunction f, gpointer data, int n_turns,
                     const struct work *work, struct merl_result *ret, GError **error);

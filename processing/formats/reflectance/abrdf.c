@@ -203,23 +203,42 @@ static gboolean resample(Abrdf *abrdf, const float *f, GError **error) {
     return TRUE;
 }
 
-void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer data) {
-    const Abrdf *abrdf = data;
-    int lights[4], views[4];
-    float of_lights[4], of_views[4];
-    direction_grid_weights(GRID, light, lights, of_lights);
-    direction_grid_weights(GRID, view, views, of_views);
+/* A direction's four samples of the grid. */
+struct place {
+    int index[4];
+    float weight[4];
+};
+
+static struct place place_of(const float direction[3]) {
+    struct place ret;
+    direction_grid_weights(GRID, direction, ret.index, ret.weight);
+    return ret;
+}
+
+static void evaluate_at(const Abrdf *abrdf, const struct place *light, const struct place *view,
+                        float ret[3]) {
     float sum[3] = {0, 0, 0};
     for (int v = 0; v < 4; v++)
         for (int l = 0; l < 4; l++) {
-            const float weight = of_views[v] * of_lights[l];
-            const float *sample = abrdf->samples + 3 * (views[v] * SAMPLES + lights[l]);
+            const float weight = view->weight[v] * light->weight[l];
+            const float *sample = abrdf->samples + 3 * (view->index[v] * SAMPLES + light->index[l]);
             sum[0] += weight * sample[0];
             sum[1] += weight * sample[1];
             sum[2] += weight * sample[2];
         }
     for (int c = 0; c < 3; c++)
         ret[c] = MAX(sum[c], 0);
+}
+
+void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer abrdf) {
+    const struct place of_light = place_of(light), of_view = place_of(view);
+    evaluate_at(abrdf, &of_light, &of_view, ret);
+}
+
+void abrdf_evaluate_both(const float a[3], const float b[3], float ret[2][3], gpointer abrdf) {
+    const struct place of_a = place_of(a), of_b = place_of(b);
+    evaluate_at(abrdf, &of_a, &of_b, ret[0]);
+    evaluate_at(abrdf, &of_b, &of_a, ret[1]);
 }
 
 /* Sets info.error: the relative RMS difference between the interpolated B and the measured B. */

@@ -42,3 +42,5 @@ const struct abrdf_info *abrdf_info(const Abrdf *abrdf);
 
 /* Evaluates f_r in 1/sr. This is a BrdfFunction (brdf.h) with the ABRDF as data. Any thread. */
 void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer abrdf);
+/* The same as a BrdfBothFunction. */
+void abrdf_evaluate_both(const float a[3], const float b[3], float ret[2][3], gpointer abrdf);

@@ -23,7 +23,7 @@ gboolean export_brdf(const char *material, const char *file,
     ret->lowest_deg = info->lowest_deg;
     if (options->kind == BRDF_MERL) {
         struct merl_result merl = {0};
-        const gboolean ok = merl_write(file, abrdf_evaluate, abrdf, TURNS, work, &merl, error);
+        const gboolean ok = merl_write(file, abrdf_evaluate_both, abrdf, TURNS, work, &merl, error);
         ret->spread = merl.spread;
         return ok;
     }
