@@ -1,6 +1,7 @@
 /* The commands that import and export files of measured BRDFs and RTI: other commands can use the
  * sessions. If something is wrong, there is an error, and no file is left behind. */
 #include "formats/brdf/rgl.h"
+#include "formats/reflectance/abrdf.h"
 #include "lib/folder.h"
 #include "lib/process.h"
 #include "lib/test.h"
@@ -57,11 +58,33 @@ static double number_of(const char *json, const char *name) {
     return g_ascii_strtod(strchr(at, ':') + 1, NULL);
 }
 
+/* abrdf_evaluate_both() gives what abrdf_evaluate() gives for each order. */
+static void check_both_orders(void) {
+    static const struct work quietly = {0};
+    static const struct import_region whole = {0};
+    static const float a[3] = {0.6F, 0, 0.8F}, b[3] = {-0.36F, 0.48F, 0.8F}, c[3] = {0, 0, 1};
+    static const float *const pairs[][2] = {{a, b}, {b, c}, {c, a}};
+    g_autofree char *path = in_folder("satin.session");
+    g_autoptr(Abrdf) abrdf = abrdf_read(path, &whole, &quietly, NULL);
+    g_assert_nonnull(abrdf);
+    for (gsize i = 0; i < G_N_ELEMENTS(pairs); i++) {
+        float both[2][3], one[3], other[3];
+        abrdf_evaluate_both(pairs[i][0], pairs[i][1], both, abrdf);
+        abrdf_evaluate(pairs[i][0], pairs[i][1], one, abrdf);
+        abrdf_evaluate(pairs[i][1], pairs[i][0], other, abrdf);
+        g_assert_cmpmem(both[0], sizeof one, one, sizeof one);
+        g_assert_cmpmem(both[1], sizeof other, other, sizeof other);
+        g_assert_true(memcmp(one, other, sizeof one) !=
+                      0); /* the interpolation is not reciprocal */
+    }
+}
+
 static void check_round(void) {
     says(0, "import bsdf satin.bsdf -o satin.session -d few.csv --texels 4",
          "19 views × 19 lights of 4 × 4 texels");
     says(0, "info satin.session", "satin.bsdf");
     says(0, "check satin.session", "");
+    check_both_orders();
     says(0, "compress satin.session --components 3", "");
     g_autofree char *out =
         process_mesorig(0, "export bsdf satin.session --isotropic -o again.bsdf --json");
