@@ -155,9 +155,13 @@ TEST(depth) {
 
 enum trouble { NONE, HOLES, SHADOW };
 
+static struct btf_matrix *empty_btf(int width, int height) {
+    return btf_fixture_of("planted", width, height, btf_fixture_rings(3, 65, 5),
+                          btf_fixture_rings(4, 72, 11));
+}
+
 static struct btf_matrix *planted_btf(gboolean anisotropic, enum trouble trouble) {
-    struct btf_matrix *btf = btf_fixture_of("planted", WIDTH, HEIGHT, btf_fixture_rings(3, 65, 5),
-                                            btf_fixture_rings(4, 72, 11));
+    struct btf_matrix *btf = empty_btf(WIDTH, HEIGHT);
     const gsize n_views = btf->layout.views.n, n_lights = btf->layout.lights.n;
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
@@ -217,10 +221,20 @@ static struct maps *maps_of_btf(const struct btf_matrix *btf) {
     return maps_of_model(btf, MAPS_MODEL_FULL);
 }
 
+/* The maps of planted_btf(anisotropic, NONE), which are made once. */
+static const struct maps *planted_maps(gboolean anisotropic, enum maps_model model) {
+    static struct maps *known[2][2];
+    struct maps **maps = &known[anisotropic][model == MAPS_MODEL_CORE];
+    if (!*maps) {
+        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
+        *maps = maps_of_model(btf, model);
+    }
+    return *maps;
+}
+
 TEST(planted) {
     for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
-        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
-        g_autoptr(Maps) maps = maps_of_btf(btf);
+        const struct maps *maps = planted_maps(anisotropic, MAPS_MODEL_FULL);
         const struct found off = compare(maps, anisotropic);
         g_assert_cmpfloat(off.base, <, 0.03);
         g_assert_cmpfloat(off.metallic, <, 0.03);
@@ -259,14 +273,19 @@ static void leather_value(const float *v, const float *l, float ret[3]) {
         ret[c] = (float)((base[c] + lobe) * (double)l[2]);
 }
 
+/* Of a material that is the same in all texels. */
+#define UNIFORM_WIDTH  4
+#define UNIFORM_HEIGHT 3
+#define UNIFORM_TEXELS (UNIFORM_WIDTH * UNIFORM_HEIGHT)
+
 /* The highlight does not take the place of the brown diffuse part. Without the refinement, the
  * green of the base colour is 0.0065, and the colour difference is 2.68. */
 TEST(leather) {
-    g_autoptr(BtfMatrix) btf = planted_btf(FALSE, NONE);
+    g_autoptr(BtfMatrix) btf = empty_btf(UNIFORM_WIDTH, UNIFORM_HEIGHT);
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
-    for (gsize i = 0; i < n * TEXELS; i++)
+    for (gsize i = 0; i < n * UNIFORM_TEXELS; i++)
         leather_value(views + i % n / n_lights * 3, lights + i % n_lights * 3, btf->values + 3 * i);
     g_autoptr(Maps) maps = maps_of_btf(btf);
     const struct maps_texel *texel = &maps->fit->texels[0];
@@ -372,8 +391,7 @@ TEST(clusters) {
  * and all that would need an extension has the value that a file without it means. */
 TEST(core) {
     for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
-        g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
-        g_autoptr(Maps) maps = maps_of_model(btf, MAPS_MODEL_CORE);
+        const struct maps *maps = planted_maps(anisotropic, MAPS_MODEL_CORE);
         const struct found off = compare(maps, anisotropic);
         for (int t = 0; t < TEXELS; t++) {
             const struct maps_texel *texel = &maps->fit->texels[t];
@@ -428,7 +446,8 @@ TEST(gltf) {
         const gboolean anisotropic = k == 1, core = k == 2;
         g_autoptr(GError) error = NULL;
         g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
-        g_autoptr(Maps) maps = maps_of_model(btf, core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
+        const struct maps *maps =
+            planted_maps(anisotropic, core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
         g_autofree char *path = write_gltf(maps, files[k], FALSE);
         g_autofree char *json = gltf_json(path);
         g_assert_cmpint(strstr(json, "extensions") == NULL, ==, core);
@@ -514,22 +533,20 @@ TEST(usd) {
     static const char *const expected[] = {"2 14 18 ", "2 20 24 ", "2 13 16 "};
     static const char *const folders[] = {"usd_i", "usd_a", "usd_c"};
     for (int k = 0; k < 3; k++) {
-        g_autoptr(BtfMatrix) btf = planted_btf(k == 1, NONE);
-        g_free(btf->name);
-        btf->name = g_strdup("7-planted");
-        g_autoptr(Maps) maps = maps_of_model(btf, k == 2 ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
-        g_autofree char *said = usd_checked(maps, folders[k]);
+        struct maps maps = *planted_maps(k == 1, k == 2 ? MAPS_MODEL_CORE : MAPS_MODEL_FULL);
+        char name[] = "7-planted";
+        maps.name = name;
+        g_autofree char *said = usd_checked(&maps, folders[k]);
         assert_has(said, expected[k]);
         if (k == 0)
-            check_material_name(maps);
+            check_material_name(&maps);
     }
 }
 
 /* The maps as EXR: the angle of the wide direction from +x, counter-clockwise, where 1 is a turn; 1
  * − αb / αt; and the fourth root of αt αb. */
 TEST(anisotropy) {
-    g_autoptr(BtfMatrix) btf = planted_btf(TRUE, NONE);
-    g_autoptr(Maps) maps = maps_of_btf(btf);
+    const struct maps *maps = planted_maps(TRUE, MAPS_MODEL_FULL);
     g_autoptr(MapsFiles) files = maps_files_new();
     g_autofree char *folder = g_build_filename(session_fixture_folder, "exr", NULL);
     ok(maps_add_maps(maps, TRUE, files, ERR));
@@ -556,7 +573,7 @@ TEST(anisotropy) {
 /* A dielectric that reflects 32 %, four times as much as SpecularLevel can hold: the script for
  * Blender multiplies by 4. */
 TEST(specular_scale) {
-    g_autoptr(BtfMatrix) btf = planted_btf(FALSE, NONE);
+    g_autoptr(BtfMatrix) btf = empty_btf(UNIFORM_WIDTH, UNIFORM_HEIGHT);
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
@@ -567,7 +584,7 @@ TEST(specular_scale) {
                                      .specular_colour = {8, 8, 8},
                                      .direction = {1, 0},
                                      .normal = {0, 0, 1}};
-    for (gsize i = 0; i < n * TEXELS; i++)
+    for (gsize i = 0; i < n * UNIFORM_TEXELS; i++)
         maps_evaluate(&none, &texel, views + i % n / n_lights * 3, lights + i % n_lights * 3,
                       btf->values + 3 * i);
     g_autoptr(Maps) maps = maps_of_btf(btf);
@@ -596,11 +613,11 @@ TEST(layers) {
                                      .direction = {1, 0},
                                      .normal = {0, 0, 1},
                                      .sheen = {0.6F, 0.5F, 0.7F}};
-    g_autoptr(BtfMatrix) btf = planted_btf(FALSE, NONE);
+    g_autoptr(BtfMatrix) btf = empty_btf(UNIFORM_WIDTH, UNIFORM_HEIGHT);
     g_autofree float *views = direction_list_vectors(&btf->layout.views);
     g_autofree float *lights = direction_list_vectors(&btf->layout.lights);
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
-    for (gsize i = 0; i < TEXELS * n; i++)
+    for (gsize i = 0; i < UNIFORM_TEXELS * n; i++)
         maps_evaluate(&cloth, &texel, views + i % n / n_lights * 3, lights + i % n_lights * 3,
                       btf->values + 3 * i);
     g_autoptr(Maps) maps = maps_of_btf(btf);
