@@ -26,18 +26,26 @@ struct relief {
 };
 
 static int wrap(int i, int n) {
-    return (i % n + n) % n;
+    const int rest = i % n;
+    return rest < 0 ? rest + n : rest;
 }
 
 /* Gives the four texels around (x, y), in texels from the centre of the first one, and their
  * bilinear weights. */
 static void around(const struct relief *r, double x, double y, gsize ret_at[4],
                    double ret_weight[4]) {
-    double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
-    for (int k = 0; k < 4; k++) {
-        ret_at[k] = (gsize)wrap((int)fy + k / 2, r->h) * r->w + wrap((int)fx + k % 2, r->w);
-        ret_weight[k] = (k % 2 ? u : 1.0 - u) * (k / 2 ? v : 1.0 - v);
-    }
+    const double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
+    const int left = wrap((int)fx, r->w), right = left + 1 < r->w ? left + 1 : 0;
+    const int above = wrap((int)fy, r->h), below = above + 1 < r->h ? above + 1 : 0;
+    const gsize upper = (gsize)above * (gsize)r->w, lower = (gsize)below * (gsize)r->w;
+    ret_at[0] = upper + (gsize)left;
+    ret_at[1] = upper + (gsize)right;
+    ret_at[2] = lower + (gsize)left;
+    ret_at[3] = lower + (gsize)right;
+    ret_weight[0] = (1.0 - u) * (1.0 - v);
+    ret_weight[1] = u * (1.0 - v);
+    ret_weight[2] = (1.0 - u) * v;
+    ret_weight[3] = u * v;
 }
 
 /* Gives by how many columns and rows a ray from the viewer advances per mm of depth: −tan θ (cos φ,
