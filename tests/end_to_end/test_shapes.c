@@ -268,7 +268,7 @@ TEST(fixed_lamps) {
     g_assert_null(strstr(told, "arc: ")); /* there is none */
     g_autofree char *more = g_strdup_printf(" -c %s", to);
     g_autofree char *session = capture("weave", "fixed_lamps", NULL, LAMPS,
-                                       CONF("50", "2.2", "16", "rings=15:2;35:2;55:2;75:2",
+                                       CONF("50", "2.2", "16", "rings=15:1;35:1;55:1;75:1",
                                             "devices=all", "exposures_us=4000;16000"),
                                        more);
     g_autofree char *world_path = in_folder("weave/world.conf");
@@ -301,7 +301,7 @@ TEST(probe) {
                      TILE_CONF("rings=20:2;40:2;60:2", PROBE_LIGHTS("2")), to));
     g_autofree char *more = g_strdup_printf(" -c %s", to);
     g_autofree char *session = capture("probe_weave", "probe", NULL, LAMPS,
-                                       CONF("50", "2.2", "16", "rings=20:2;40:2;60:2",
+                                       CONF("50", "2.2", "16", "rings=20:1;40:1;60:1",
                                             PROBE_LIGHTS("4"), "exposures_us=4000;16000"),
                                        more);
     g_autofree char *world_path = in_folder("probe_weave/world.conf");
@@ -312,9 +312,9 @@ TEST(probe) {
     g_assert_cmpint(found->rig.n_lamps, ==, 5);
     const double lamp_deg = worst_lamp_deg(&found->rig, world);
     g_free(process_mesorig(0, "process %s", session));
-    const struct errors calibrated = btf_errors(session, world_path, 16, 3);
+    const struct errors calibrated = btf_errors(session, world_path, 16, 2);
     g_free(process_mesorig(0, "process %s -c nominal", session));
-    const struct errors nominal = btf_errors(session, world_path, 16, 3);
+    const struct errors nominal = btf_errors(session, world_path, 16, 2);
     g_test_message("probe: worst stop %.3f° off; BTF %.2f %% / %.1f %% (95th percentile) of the "
                    "truth calibrated, %.1f %% / %.1f %% by the rig file",
                    lamp_deg, calibrated.median, calibrated.p95, nominal.median, nominal.p95);
@@ -446,7 +446,7 @@ TEST(arm) {
 
     g_autofree char *more = g_strdup_printf(" -c %s", to);
     g_autofree char *session = capture("arm_weave", "arm", NULL, CAMERAS,
-                                       CONF("50", "2.2", "16", "rings=15:2;25:2;55:2;75:2",
+                                       CONF("50", "2.2", "16", "rings=15:1;25:1;55:1;75:1",
                                             "devices=all", "exposures_us=4000;16000"),
                                        more);
     g_autofree char *world_path = in_folder("arm_weave/world.conf");
