@@ -100,7 +100,7 @@ void demo_part_lay(const char *folder, enum demo_target target, double height_mm
 void demo_part_write_targets(const char *folder) {
     demo_part_write_session(folder, "board.conf",
                             "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
-                            "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
+                            "30:6; 60:6", "30:1", NULL, "exposures_us=8000");
     demo_part_write_session(folder, "lights.conf",
                             "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20",
                             "30:4; 60:4", "30:2; 60:2", NULL, "exposures_us=2000;8000");
