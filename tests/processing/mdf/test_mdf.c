@@ -1,6 +1,7 @@
 #include "lib/test.h"
 #include "mdf/mdf.h"
 #include "mdf/mdf_merge.h"
+#include "mdf/mdf_table.h"
 
 #include "frames/rectify.h"
 #include "lib/analytic.h"
@@ -618,4 +619,45 @@ TEST(merge__mean) {
     g_assert_cmpfloat((double)mdf_merge_mean(candidates, 3).mm, ==, 2.0);
     g_assert_cmpint(mdf_merge_mean(candidates, 3).n, ==, 3);
     g_assert_cmpfloat((double)mdf_merge(candidates, 3, 1).mm, ==, 1.0);
+}
+
+/* Depth of a periodic relief of 16 × 12 texels, bilinear between their centres. */
+static double relief_at(const float *depth_mm, double x, double y) {
+    const int left = (int)floor(x), above = (int)floor(y);
+    double sum = 0;
+    for (int j = above; j <= above + 1; j++)
+        for (int i = left; i <= left + 1; i++)
+            sum += (1 - fabs(x - i)) * (1 - fabs(y - j)) *
+                   (double)depth_mm[((j + 1200) % 12) * 16 + (i + 1600) % 16];
+    return sum;
+}
+
+/* Where a flat ray meets the relief of the steep views, the relief has the depth of the ray, also
+ * across the border of the tile. */
+TEST(traced) {
+    static const float theta_deg[] = {0, 60, 70, 55, 65}, phi_deg[] = {0, 35, 130, 230, 320};
+    g_autofree float *relief = g_new(float, 12 * 16);
+    struct mdf_table *table = mdf_table_new(16, 12, 5, 0.1, theta_deg, phi_deg);
+    double worst_mm = 0;
+    for (int j = 0; j < 12; j++)
+        for (int i = 0; i < 16; i++)
+            relief[16 * j + i] = (float)(0.5 + 0.1 * sin(2 * G_PI * (i + 2) / 16) +
+                                         0.08 * cos(2 * G_PI * (j + i / 4.0) / 12));
+    for (int k = 0; k < 5 * 12 * 16; k++)
+        table->depth_mm[k] = relief[k % (12 * 16)];
+    table->deepest_mm = 0.8;
+    mdf_table_trace(table);
+    for (int view = 1; view < 5; view++) { /* the first one has no slant, and is the relief */
+        const double slant = tan((double)theta_deg[view] * DEGREE) / 0.1;
+        const double phi = (double)phi_deg[view] * DEGREE;
+        for (int k = 0; k < 12 * 16; k++) {
+            const double depth = (double)table->depth_mm[view * 12 * 16 + k];
+            const double x = k % 16 - depth * slant * cos(phi);
+            const double y = (int)(k / 16) + depth * slant * sin(phi);
+            worst_mm = MAX(worst_mm, fabs(relief_at(relief, x, y) - depth));
+        }
+    }
+    g_test_message("worst difference %.5f mm", worst_mm);
+    g_assert_cmpfloat(worst_mm, <, 0.012); /* steps of 0.5 texels are 0.02 to 0.035 mm deep */
+    mdf_table_free(table);
 }
