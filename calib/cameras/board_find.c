@@ -569,18 +569,20 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
                   corners->len, board->circle_mm > 0 ? what : "corners", MIN_CORNERS, what);
 }
 
-struct points { /* points of a board in a picture, and the printed values there */
+struct points { /* points of a board in a picture: their pixels, and the printed values there */
     int n;
-    float *x, *y, *value; /* one allocation, freed by x */
+    int *x, *y;
+    float *value;
 };
 
-/* Projects a grid of points of the board to the picture, and looks up their printed values. */
+/* Projects a grid of points of the board to the picture, and looks up their printed values. The
+ * caller frees the members of to. */
 static void gather_points(const struct board *board, BoardProject project, gconstpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
-    to->x = g_new(float, 3 * nx * ny);
-    to->y = to->x + nx * ny;
-    to->value = to->y + nx * ny;
+    to->x = g_new(int, nx *ny);
+    to->y = g_new(int, nx *ny);
+    to->value = g_new(float, nx *ny);
     g_autofree double *at = g_new(double, 2 * nx * ny);
     to->n = 0;
     for (int j = 0; j < ny; j++)
@@ -590,8 +592,8 @@ static void gather_points(const struct board *board, BoardProject project, gcons
             double px[2];
             if (!project(xy, FALSE, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
                 continue;
-            to->x[to->n] = (float)px[0];
-            to->y[to->n] = (float)px[1];
+            to->x[to->n] = (int)lroundf((float)px[0]);
+            to->y[to->n] = (int)lroundf((float)px[1]);
             memcpy(at + 2 * to->n++, xy, sizeof xy);
         }
     board_values(board, at, to->n, to->value);
@@ -605,7 +607,7 @@ static double correlate(const struct picture *picture, const struct points *poin
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
     for (int i = 0; i < points->n; i++) {
-        const int x = (int)lroundf(points->x[i]) + dx, y = (int)lroundf(points->y[i]) + dy;
+        const int x = points->x[i] + dx, y = points->y[i] + dy;
         if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
             continue;
         const double u = (double)points->value[i];
@@ -641,6 +643,8 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
             shift[1] = dy;
         }
     g_free(points.x);
+    g_free(points.y);
+    g_free(points.value);
     if (*ret_fit < MIN_FIT)
         return NULL;
     guess_all(board, project, data, shift, guesses);
