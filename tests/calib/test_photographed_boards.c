@@ -6,6 +6,8 @@
 #include "cameras/board_find.h"
 #include "cameras/cameras.h"
 #include "exr/exr.h"
+#include "lib/calibration_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -62,6 +64,18 @@ static struct calibration *calibrate(const char *board, int width, int height, i
     return g_steal_pointer(&calibration);
 }
 
+/* Calibrates all pictures of a side, once. */
+static const struct calibration *calibrate_side(const char *side, double *ret_rms_px) {
+    static struct calibration *calibrations[2];
+    static double rms_px[2];
+    const int right = g_str_equal(side, "right");
+    if (!calibrations[right])
+        calibrations[right] =
+            ok(calibrate(BOARD, 640, 480, N, read_side, (gpointer)side, &rms_px[right], ERR));
+    *ret_rms_px = rms_px[right];
+    return calibrations[right];
+}
+
 /* OpenCV 4.6 uses all of both as well; its focal lengths' standard error is 0.6 px. */
 static const struct set {
     const char *path, *side;
@@ -71,11 +85,8 @@ static const struct set {
 
 static void test_set(gconstpointer data) {
     const struct set *set = data;
-    g_autoptr(GError) error = NULL;
     double rms_px;
-    g_autoptr(Calibration) calibration =
-        calibrate(BOARD, 640, 480, N, read_side, (gpointer)set->side, &rms_px, &error);
-    g_assert_no_error(error);
+    const struct calibration *calibration = calibrate_side(set->side, &rms_px);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
     const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
@@ -151,8 +162,7 @@ static double sample(const struct board *board, const struct rig_camera *camera,
     return value < 0 ? 1 : (double)value;
 }
 
-static struct picture *draw(int i, gpointer data, GError **error) {
-    const struct board *board = data;
+static struct picture *draw(int i, const struct board *board) {
     struct rig_camera camera = {.width = WIDTH, .height = HEIGHT, .fx_px = FOCAL_PX};
     struct picture *picture = picture_new("drawn", "drawn", WIDTH, HEIGHT);
     GRand *rand = g_rand_new_with_seed((guint32)i);
@@ -183,13 +193,26 @@ static struct picture *draw(int i, gpointer data, GError **error) {
     return picture;
 }
 
-TEST(understated) {
+/* The pictures of BOARD, drawn once. */
+static struct picture **usual_pictures(void) {
+    static struct picture *pictures[N_DRAWN];
     struct board board;
+    ok(board_parse(&board, BOARD, ERR));
+    for (int i = 0; i < N_DRAWN && !pictures[i]; i++)
+        pictures[i] = draw(i, &board);
+    return pictures;
+}
+
+static struct picture *read_drawn(int i, gpointer data, GError **error) {
+    struct picture *const *pictures = data;
+    return boards_copy(pictures[i]);
+}
+
+TEST(understated) {
     g_autoptr(GError) error = NULL;
     double rms_px;
-    g_assert_true(board_parse(&board, BOARD, NULL));
     g_autoptr(Calibration) calibration =
-        calibrate(BOARD, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+        calibrate(BOARD, WIDTH, HEIGHT, N_DRAWN, read_drawn, usual_pictures(), &rms_px, &error);
     g_assert_no_error(error);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
@@ -202,6 +225,7 @@ TEST(understated) {
     g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
 }
 
+#define N_EXIF 5
 /* Writes drawn photographs with EXIF data, and calibrates them. mm are their focal lengths, in
  * turn, at 10 pixels per mm. */
 static char *calibrate_exif(const guint32 mm[2]) {
@@ -209,10 +233,8 @@ static char *calibrate_exif(const guint32 mm[2]) {
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autofree guint16 *values = g_new(guint16, WIDTH * HEIGHT);
     char *out = NULL;
-    struct board board;
-    g_assert_true(board_parse(&board, BOARD, NULL));
-    for (int i = 0; i < N_DRAWN; i++) {
-        g_autoptr(Picture) picture = draw(i, &board, NULL);
+    for (int i = 0; i < N_EXIF; i++) {
+        const struct picture *picture = usual_pictures()[i];
         g_autofree char *path = g_strdup_printf("%s/%d.png", folder, i);
         const struct told told = {.focal = {mm[i % 2], 1}, .plane = {100, 1}, .plane_unit = 3};
         for (int k = 0; k < WIDTH * HEIGHT; k++)
@@ -318,9 +340,14 @@ static void test_alike(gconstpointer data) {
     double rms_px;
     g_assert_true(board_parse(&board, alike->board, NULL));
     board.white_first = alike->white_first;
+    struct picture *pictures[N_DRAWN];
+    for (int i = 0; i < N_DRAWN; i++)
+        pictures[i] = draw(i, &board);
     g_autoptr(Calibration) calibration =
-        calibrate(alike->board, WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+        calibrate(alike->board, WIDTH, HEIGHT, N_DRAWN, read_drawn, pictures, &rms_px, &error);
     g_assert_no_error(error);
+    for (int i = 0; i < N_DRAWN; i++)
+        picture_free(pictures[i]);
     const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
     const double fx = calibration->rig.cameras[0].fx_px;
     const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
@@ -566,9 +593,7 @@ TEST(formats) {
                                      output,  "--corners", corners,   NULL};
     g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
     g_test_message("%s%s", out, err);
-    g_autoptr(Calibration) same =
-        calibrate(BOARD, 640, 480, N, read_side, (gpointer) "left", &rms_px, &error);
-    g_assert_no_error(error);
+    const struct calibration *same = calibrate_side("left", &rms_px);
     g_autofree char *said =
         g_strdup_printf(": 13 pictures, %d corners, %.3f px RMS", same->cameras[0].points, rms_px);
     g_assert_nonnull(strstr(out, said));
