@@ -109,8 +109,8 @@ static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     return arc;
 }
 
-/* Returns the index in `stands` of residuals(), for a laser at one angle of the arc. swing is −1
- * for a laser that is not on the arc. */
+/* Returns the index in `stands` and `poses` of residuals(), for a laser at one angle of the arc.
+ * swing is −1 for a laser that is not on the arc. */
 static int stand_of(const struct problem *problem, int laser, int swing) {
     return laser * (problem->swing.n + 1) + 1 + swing;
 }
@@ -120,6 +120,8 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
     const int n_lasers = problem->rig->n_lasers, n_swings = problem->swing.n;
     const struct rig_arc arc = arc_of(problem, x);
     g_autofree struct rig_laser *stands = g_new(struct rig_laser, n_lasers * (n_swings + 1));
+    g_autofree struct rig_laser_pose *poses =
+        g_new(struct rig_laser_pose, n_lasers * (n_swings + 1));
     struct vec3 eyes[RIG_MAX_CAMERAS];
     for (int i = 0; i < problem->rig->n_cameras; i++)
         eyes[i] = rig_camera_centre_mm(&problem->rig->cameras[i]);
@@ -131,13 +133,17 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
         for (int k = 0; k < n_swings; k++)
             stands[stand_of(problem, i, k)] = rig_laser_placed(
                 &arc, &laser, problem->swing.angles_rad[k] + x[problem->swing.at + k]);
+        for (int k = -1; k < n_swings; k++) {
+            const int at = stand_of(problem, i, k);
+            poses[at] = rig_laser_pose(&arc, &stands[at], 0);
+        }
     }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
-        const struct rig_laser *laser =
-            &stands[stand_of(problem, point->laser, problem->swing_of[i])];
+        const struct rig_laser_pose *pose =
+            &poses[stand_of(problem, point->laser, problem->swing_of[i])];
         struct vec3 p = point->point_mm;
         /* Moves the point along the line of sight to the unknown plane. */
         if (p.z == problem->plane_mm) {
@@ -146,8 +152,8 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
         }
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
-        const struct rig_plane sheet = rig_laser_sheet(
-            &arc, laser, 0, point->sweep_rad + rig_laser_bent_rad(&arc, laser, 0, p));
+        const struct rig_plane sheet =
+            rig_laser_pose_sheet(pose, point->sweep_rad + rig_laser_pose_bent_rad(pose, p));
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
