@@ -205,11 +205,11 @@ int laser_colour(const float *rgb, const float *dark, gsize n) {
         return -1;
     for (int c = 0; c < 3; c++) {
         /* The 99.9th percentile minus the median. */
-        g_autofree float *all = g_new(float, n);
+        g_autofree double *all = g_new(double, n);
         for (gsize i = 0; i < n; i++)
-            all[i] = strength_of(rgb + 3 * i, c);
-        qsort(all, n, sizeof *all, fit_compare_floats);
-        const double excess = (double)(all[n - 1 - n / 1000] - all[n / 2]);
+            all[i] = (double)strength_of(rgb + 3 * i, c);
+        const double median = robust_select(all, (int)n, (int)(n / 2));
+        const double excess = robust_select(all, (int)n, (int)(n - 1 - n / 1000)) - median;
         if (excess > most && excess > 1e-6) {
             most = excess;
             colour = c;
