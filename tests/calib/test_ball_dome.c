@@ -122,16 +122,16 @@ static void blur(const struct scene *scene, double sigma_px, double *ret) {
     double sum = 0;
     for (int k = -reach; k <= reach; k++)
         sum += kernel[k + reach] = exp(-0.5 * pow(k / sigma_px, 2));
+    for (int k = 0; k <= 2 * reach; k++)
+        kernel[k] /= sum;
     for (int pass = 0; pass < 2; pass++) {
         const double *from = pass == 0 ? scene->light : rows;
         double *to = pass == 0 ? rows : ret;
         for (int p = 0; p < n * n; p++) {
+            const int at = pass == 0 ? p % n : p / n, step = pass == 0 ? 1 : n;
             double value = 0;
-            for (int k = -reach; k <= reach; k++) {
-                const int x = CLAMP(p % n + (pass == 0 ? k : 0), 0, n - 1);
-                const int y = CLAMP(p / n + (pass == 1 ? k : 0), 0, n - 1);
-                value += kernel[k + reach] / sum * from[y * n + x];
-            }
+            for (int k = -reach; k <= reach; k++)
+                value += kernel[k + reach] * from[p + (CLAMP(at + k, 0, n - 1) - at) * step];
             to[p] = value;
         }
     }

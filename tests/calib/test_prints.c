@@ -115,6 +115,7 @@ static const struct print {
 
 struct view {
     struct rig_camera camera;
+    struct vec3 from;
     double focal_px, bend;
 };
 
@@ -128,6 +129,7 @@ static void look(struct view *to, gboolean wide, double theta_rad, double phi_ra
     rig_camera_look_at(&to->camera,
                        vec3_scale(rig_direction(theta_rad, phi_rad), (wide ? 1 : 1.9) * width_mm),
                        vec3(0, 0, 0));
+    to->from = rig_camera_centre_mm(&to->camera);
 }
 
 /* What the grid's middle is at the origin of the board frame. */
@@ -140,7 +142,7 @@ static double sample(const struct print *print, const struct view *view, double 
         return print->ground;
     const struct vec3 ray =
         mat3_mul_transposed(&view->camera.rotation, vec3(scale * u, scale * v, 1));
-    const struct vec3 from = rig_camera_centre_mm(&view->camera);
+    const struct vec3 from = view->from;
     const double t = -from.z / ray.z;
     const double gx = (from.x + t * ray.x) / grid_mm + print->width / 2;
     const double gy = print->height / 2 - (from.y + t * ray.y) / grid_mm;
