@@ -4,16 +4,13 @@
 usage: helper.py CLASS FOLDER [FAULT]
 
 FOLDER/hardware.json is the device. It stays as it is, or goes on moving, when the program ends.
-
-The program is started a thousand times. The modules json and threading take half of a start, so that
-it uses what they are made of.
 """
-import _json
-import _thread
+import json
 import os
 import select
 import struct
 import sys
+import threading
 import time
 
 KIND, FOLDER = sys.argv[1:3]
@@ -22,41 +19,13 @@ HARDWARE = os.path.join(FOLDER, "hardware.json")
 CRASHED = os.path.join(FOLDER, "runs")
 CAPABILITIES = {"lamps": ["silence"], "axis": ["silence"], "camera": ["silence", "gain", "stop"]}
 LAMPS = 3
-output = _thread.allocate_lock()
-
-
-class Scanner:
-    """What _json.make_scanner() asks for."""
-
-    strict, object_hook, object_pairs_hook = True, None, None
-    parse_float, parse_int, parse_constant = float, int, float
-
-
-scan = _json.make_scanner(Scanner)
-encode = _json.make_encoder(
-    None, None, _json.encode_basestring_ascii, None, ": ", ", ", False, False, True
-)
-
-
-def read_json(text):
-    text = text.strip()
-    try:
-        value, end = scan(text, 0)
-    except StopIteration as stop:
-        raise ValueError("this is not JSON") from stop
-    if end != len(text):
-        raise ValueError("more than one value")
-    return value
-
-
-def write_json(value):
-    return "".join(encode(value, 0))
+output = threading.Lock()
 
 
 def read_hardware():
     try:
         with open(HARDWARE, encoding="utf-8") as file:
-            return read_json(file.read())
+            return json.load(file)
     except FileNotFoundError:
         return {
             "on": [False] * LAMPS,
@@ -70,13 +39,13 @@ def read_hardware():
 
 def write_hardware(**changes):
     with open(HARDWARE + ".new", "w", encoding="utf-8") as file:
-        file.write(write_json(read_hardware() | changes))
+        json.dump(read_hardware() | changes, file)
     os.rename(HARDWARE + ".new", HARDWARE)
 
 
 def send(message, version=True):
     with output:
-        print(write_json(({"jsonrpc": "2.0"} if version else {}) | message), flush=True)
+        print(json.dumps(({"jsonrpc": "2.0"} if version else {}) | message), flush=True)
 
 
 class Lamps:
@@ -165,8 +134,6 @@ class Camera:
     """Pictures of 8 × 6 pixels of 12 bits. The exposure runs in a thread of its own, and can be stopped."""
 
     def __init__(self):
-        import threading
-
         self.n = 0
         self.stopped = threading.Event()
 
@@ -293,7 +260,7 @@ def switch_later(request):
 def serve(line):
     """Returns whether the program goes on."""
     try:
-        request = read_json(line.decode())
+        request = json.loads(line)
     except ValueError:
         if FAULT == "dies-of-line":
             raise
@@ -302,10 +269,10 @@ def serve(line):
         return True
     if request["method"] == "trigger":
         device.stopped.clear()
-        _thread.start_new_thread(device.trigger, (request,))
+        threading.Thread(target=device.trigger, args=[request], daemon=True).start()
         return True
     if request["method"] == "set" and FAULT == "switches-later":
-        _thread.start_new_thread(switch_later, (request,))
+        threading.Thread(target=switch_later, args=[request], daemon=True).start()
         return True
     try:
         result = answer(request)
