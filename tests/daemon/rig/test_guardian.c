@@ -13,6 +13,7 @@
 
 #include <glib/gstdio.h>
 #include <signal.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -66,8 +67,10 @@ static GLogWriterOutput keep_log(GLogLevelFlags level, const GLogField *fields, 
     return G_LOG_WRITER_HANDLED;
 }
 
+/* Keeps what is said, and prints it: a failed assertion speaks in the same way. */
 static void keep_text(const char *text) {
     g_string_append(told, text);
+    fputs(text, stderr);
 }
 
 static Guardian *start(struct fixture *fixture) {
