@@ -1,5 +1,5 @@
-/* A part of the demo's rig (etc/demo): two cameras, lamps and lasers, at 30° and 60°. Its simulated
- * world can have any target on the turntable. Errors in these functions fail the test. */
+/* A part of the demo's rig (etc/demo). At 30° and at 60° it has a camera, a lamp and a laser. The
+ * simulated world can have any target on the turntable. Errors in these functions fail the test. */
 #pragma once
 
 #include <glib.h>

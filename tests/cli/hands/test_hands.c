@@ -92,12 +92,9 @@ static void desk_waits_for_state(struct desk *desk, const char *state) {
 static struct desk desk_new(const struct change *changes) {
     struct desk desk = {.run = operator_new(changes)};
     desk.address = g_strdup_printf("unix:path=%s/bus", desk.run->directory);
-    desk.daemon = process_start(
+    desk.daemon = process_start_ready(
         G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
         (const char *[]){MESORIGD, "--listen", desk.address, "--rig", desk.run->rig, NULL});
-    g_autofree char *socket = g_build_filename(desk.run->directory, "bus", NULL);
-    for (int k = 0; k < 20 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); k++)
-        g_usleep(50000);
     desk_waits_for_state(&desk, "idle");
     return desk;
 }
