@@ -8,6 +8,7 @@
 #include "base/json.h"
 #include "lib/ok.h"
 #include "lib/operator.h"
+#include "lib/process.h"
 #include "lib/test.h"
 #include "session/session.h"
 
@@ -217,11 +218,9 @@ TEST(daemon_stays) {
     g_autofree char *socket = g_build_filename(run->directory, "bus", NULL);
     g_autofree char *listen = g_strdup_printf("unix:path=%s", socket);
     g_autofree char *address = g_strdup_printf("--address=%s", listen);
-    g_autoptr(GSubprocess) daemon = g_subprocess_new(G_SUBPROCESS_FLAGS_STDERR_SILENCE, &error,
-                                                     DAEMON, "--listen", listen, NULL);
-    g_assert_no_error(error);
-    for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(10000);
+    g_autoptr(GSubprocess) daemon =
+        process_start_ready(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+                            (const char *[]){DAEMON, "--listen", listen, NULL});
     operator_does(run, 1, "capture", address, run->rig, run->conf, "-o", run->session, NULL);
     assert_has(run->out, "error: door: interlock door is open");
     assert_has(run->err, "mesorig: paused, the rig is safe: interlock door is open");
