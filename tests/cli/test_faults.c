@@ -214,7 +214,6 @@ static void test_passing(gconstpointer data) {
 TEST(daemon_stays) {
     struct operation *run = operator_new((const struct change[]){
         {"[interlock door]", "open_after_s = 9"}, {"[interlock door]", "open_for_s = 60"}, {0}});
-    g_autoptr(GError) error = NULL;
     g_autofree char *socket = g_build_filename(run->directory, "bus", NULL);
     g_autofree char *listen = g_strdup_printf("unix:path=%s", socket);
     g_autofree char *address = g_strdup_printf("--address=%s", listen);
