@@ -4,9 +4,11 @@
 
 #include "drivers/lock.h"
 
+#include <gio/gio.h>
+
 /* Returns the process, after it has taken the lock. */
-pid_t lock_keeper_start(const char *key);
-void lock_keeper_end(pid_t keeper);
+GSubprocess *lock_keeper_start(const char *key);
+void lock_keeper_end(GSubprocess *keeper);
 
 /* Checks that the error says that this process holds the lock of a device, and clears the error. */
-void lock_keeper_expect(pid_t keeper, GError **error);
+void lock_keeper_expect(GSubprocess *keeper, GError **error);

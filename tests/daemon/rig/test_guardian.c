@@ -6,6 +6,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/text_file.h"
 #include "lib/wait.h"
 #include "rig/guardian.h"
 #include "rig/guardian_place.h"
@@ -28,13 +29,14 @@
 static GString *told; /* warnings of this process, and what it prints */
 
 struct fixture {
-    char *folder, *rig;
+    char *folder, *rig, *said; /* said: what a process of work_start() prints */
     struct lines lines;
 };
 
 static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->folder = g_dir_make_tmp("mesorig-guardian-XXXXXX", NULL);
     fixture->rig = g_build_filename(fixture->folder, "rig.conf", NULL);
+    fixture->said = g_build_filename(fixture->folder, "said", NULL);
     lines_open(&fixture->lines, WORLD);
     g_assert_true(g_file_set_contents(fixture->rig, fixture->lines.text->str, -1, NULL));
     g_string_truncate(told, 0);
@@ -57,6 +59,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
     remove_tree(fixture->folder);
     g_free(fixture->folder);
     g_free(fixture->rig);
+    g_free(fixture->said);
 }
 
 static GLogWriterOutput keep_log(GLogLevelFlags level, const GLogField *fields, gsize n,
@@ -279,87 +282,117 @@ static void test_taken_over(struct fixture *fixture, gconstpointer data) {
     guardian_end(guardian, GUARDIAN_SAFE);
 }
 
-static int count(const char *words) {
+static int count(const char *text, const char *words) {
     int n = 0;
-    for (const char *at = told->str; (at = strstr(at, words)); at += strlen(words))
+    for (const char *at = text; (at = strstr(at, words)); at += strlen(words))
         n++;
     return n;
 }
 
-/* Runs the work until a text was printed so often, or the work has ended. */
-static void work_until(SafeWork *work, const char *words, int n) {
-    UNTIL (count(words) >= n || !safe_work_run(work, NULL, 0, 10))
-        ;
-    g_assert_cmpint(count(words), ==, n);
+/* Starts a process that makes the rig safe. It is another process because a SafeWork needs one
+ * without other threads, and the virtual devices are threads of this one. */
+static GSubprocess *work_start(struct fixture *fixture, const char *kind, const char *repeat_s) {
+    g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
+    return process_start(G_SUBPROCESS_FLAGS_NONE, fixture->said,
+                         (const char *[]){self, "--work", fixture->rig, kind, repeat_s, NULL});
 }
+
+static void work_end(GSubprocess *work) {
+    ok(g_subprocess_wait_check(work, NULL, ERR));
+    g_object_unref(work);
+}
+
+/* Waits until the work has printed a text so often. Returns all that it has printed; g_free(). */
+static char *work_until(struct fixture *fixture, const char *words, int n) {
+    char *text = text_file_read(fixture->said);
+    UNTIL (count(text, words) >= n) {
+        g_free(text);
+        g_usleep(5000);
+        text = text_file_read(fixture->said);
+    }
+    return text;
+}
+
+#define REPEAT_S 4
 
 /* Of each device once that it is not safe, again and again while that is so, and once that it is.
  */
 static void test_told(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
-    g_assert_no_error(error);
+    const gint64 begun_us = g_get_monotonic_time();
     lines_fail(&fixture->lines, LASER, SILENT);
-    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 4);
-    work_until(work, "is still trying", 1);
-    g_assert_cmpint(count("laser top: NOT safe: "), ==, 1);
-    g_assert_cmpint(count("lamps bank: off, read back"), ==, 1);
-    for (int i = 2; i <= 3; i++)
-        work_until(work, "laser top: NOT safe: ", i);
+    GSubprocess *work = work_start(fixture, "loud", G_STRINGIFY(REPEAT_S));
+    g_autofree char *first = work_until(fixture, "is still trying", 1);
+    *strstr(first, "is still trying") = '\0';
+    g_assert_cmpint(count(first, "laser top: NOT safe: "), ==, 1);
+    g_assert_cmpint(count(first, "lamps bank: off, read back"), ==, 1);
+    g_autofree char *repeated = work_until(fixture, "laser top: NOT safe: ", 3);
     lines_repair(&fixture->lines, LASER);
-    while (safe_work_run(work, NULL, 0, -1))
-        ;
-    g_assert_true(safe_work_is_safe(work));
-    g_assert_cmpint(count("laser top: off, read back"), ==, 1);
-    g_assert_cmpint(count("lamps bank: "), ==, 1);
-    g_assert_cmpint(count("is still trying"), ==, 1);
-    g_assert_cmpint(count("lamps and lasers are off, axes stand"), ==, 1);
-    safe_work_free(work);
+    work_end(work);
+    g_autofree char *text = text_file_read(fixture->said);
+    const gint64 lasted_s = (g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
+    g_assert_cmpint(count(text, "laser top: NOT safe: "), <=, 2 + lasted_s / REPEAT_S);
+    g_assert_cmpint(count(text, "laser top: off, read back"), ==, 1);
+    g_assert_cmpint(count(text, "lamps bank: "), ==, 1);
+    g_assert_cmpint(count(text, "is still trying"), ==, 1);
+    g_assert_cmpint(count(text, "lamps and lasers are off, axes stand"), ==, 1);
 }
 
-static void kill_children(void) {
-    g_autofree char *path = g_strdup_printf("/proc/self/task/%d/children", getpid());
-    g_autofree char *text = NULL;
-    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
-    g_auto(GStrv) pids = g_strsplit(g_strstrip(text), " ", -1);
-    for (char **pid = pids; *pid; pid++)
-        if (**pid)
-            kill((pid_t)g_ascii_strtoll(*pid, NULL, 10), SIGKILL);
+/* Returns the children of a process as text, "" if there are none; g_free(). */
+static char *children(const char *pid) {
+    g_autofree char *path = g_strdup_printf("/proc/%s/task/%s/children", pid, pid);
+    char *text = text_file_read(path);
+    return g_strstrip(text);
+}
+
+/* Kills the processes of the lines, and waits until they have been replaced. */
+static void kill_children(const char *pid) {
+    g_autofree char *old = children(pid);
+    g_auto(GStrv) pids = g_strsplit(old, " ", -1);
+    g_assert_cmpstr(old, !=, "");
+    for (char **child = pids; *child; child++)
+        kill((pid_t)g_ascii_strtoll(*child, NULL, 10), SIGKILL);
+    char *now = children(pid);
+    UNTIL (*now &&strcmp(now, old) != 0) {
+        g_free(now);
+        g_usleep(5000);
+        now = children(pid);
+    }
+    g_free(now);
 }
 
 /* A line whose driver crashes gets another process. */
 static void test_crash(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
-    g_assert_no_error(error);
     virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
     lines_fail(&fixture->lines, LASER, SILENT);
-    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 60);
-    work_until(work, "is still trying", 1);
-    for (int i = 0; i < 3; i++) {
-        kill_children();
-        g_assert_true(safe_work_run(work, NULL, 0, 300));
-    }
-    g_assert_cmpint(count("its driver has crashed"), ==, 1);
+    GSubprocess *work = work_start(fixture, "loud", "60");
+    g_free(work_until(fixture, "is still trying", 1));
+    for (int i = 0; i < 3; i++)
+        kill_children(g_subprocess_get_identifier(work));
     lines_repair(&fixture->lines, LASER);
-    while (safe_work_run(work, NULL, 0, -1))
-        ;
-    g_assert_true(safe_work_is_safe(work));
+    work_end(work);
+    g_autofree char *text = text_file_read(fixture->said);
+    g_assert_cmpint(count(text, "its driver has crashed"), ==, 1);
     g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
-    safe_work_free(work);
 }
 
 /* Nothing is said of devices that never failed. */
 static void test_quiet(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
-    g_assert_no_error(error);
-    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE_QUIETLY, 60);
+    work_end(work_start(fixture, "quiet", "60"));
+    g_autofree char *text = text_file_read(fixture->said);
+    g_assert_cmpstr(text, ==, "");
+}
+
+/* The process of work_start(). */
+static int be_work(const char *rig, const char *kind, const char *repeat_s) {
+    g_autoptr(SafeState) state = ok(safe_state_read(rig, ERR));
+    SafeWork *work =
+        safe_work_new(state, strcmp(kind, "quiet") == 0 ? SAFE_UNTIL_SAFE_QUIETLY : SAFE_UNTIL_SAFE,
+                      g_ascii_strtod(repeat_s, NULL));
     while (safe_work_run(work, NULL, 0, -1))
         ;
-    g_assert_true(safe_work_is_safe(work));
-    g_assert_cmpstr(told->str, ==, "");
+    const gboolean safe = safe_work_is_safe(work);
     safe_work_free(work);
+    return safe ? 0 : 1;
 }
 
 /* The process that the daemon starts. */
@@ -375,6 +408,8 @@ static int be_guardian(const char *rig) {
 int main(int argc, char **argv) {
     if (argc == 3 && strcmp(argv[1], "--guardian") == 0)
         return be_guardian(argv[2]);
+    if (argc == 5 && strcmp(argv[1], "--work") == 0)
+        return be_work(argv[2], argv[3], argv[4]);
     g_test_init(&argc, &argv, NULL);
     g_log_set_always_fatal(G_LOG_LEVEL_ERROR | G_LOG_LEVEL_CRITICAL);
     told = g_string_new(NULL);

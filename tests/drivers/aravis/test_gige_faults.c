@@ -186,7 +186,7 @@ TEST(in_use) {
 static void locked(void) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     g_autofree char *key = g_strconcat("gige ", virtual_gige_address(eye.device), NULL);
-    const pid_t keeper = lock_keeper_start(key);
+    GSubprocess *keeper = lock_keeper_start(key);
     GError *error = NULL;
     g_assert_false(eye_open(&eye, "", &error));
     lock_keeper_expect(keeper, &error);

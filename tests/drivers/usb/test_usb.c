@@ -659,7 +659,7 @@ TEST(relays__held) {
     g_autofree char *key = lock_key_of_node("usb", "/dev/bus/usb/001/002"); /* after the hub */
     GError *error = NULL;
     pid_t holder = 0;
-    const pid_t keeper = lock_keeper_start(key);
+    GSubprocess *keeper = lock_keeper_start(key);
     g_assert_null(open_laser(clock, "relay = 1\n", &error));
     assert_has(error->message, ": cannot open USB device 1-");
     lock_keeper_expect(keeper, &error);

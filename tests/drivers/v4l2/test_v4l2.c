@@ -179,7 +179,7 @@ TEST(locked) {
     g_autoptr(Clock) clock = clock_new_real();
     VirtualV4l2 *device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_autofree char *key = lock_key_of_node("video", "/dev/video0");
-    const pid_t keeper = lock_keeper_start(key);
+    GSubprocess *keeper = lock_keeper_start(key);
     GError *error = NULL;
     g_assert_null(open_camera(clock, "", &error));
     lock_keeper_expect(keeper, &error);
