@@ -105,15 +105,16 @@ void optics_sense(const struct optics_camera *camera, const float *rate, double 
         .max = (float)max,
     };
     g_autofree struct column *columns = columns_new(camera);
-    const gsize width = (gsize)camera->width;
+    const struct column *column = columns, *end = columns + camera->width;
     float on = noise ? 1 : 0;
     gsize n = (gsize)camera->width * (gsize)camera->height;
     for (gsize i = 0; i < n; i += 2) {
         guint64 bits = sample_hash(key + i * 0x9e3779b97f4a7c15u);
-        ret_pixels[i] =
-            read_pixel(&s, &columns[i % width], rate ? rate[i] : 0, normal((guint32)bits), on);
+        ret_pixels[i] = read_pixel(&s, column, rate ? rate[i] : 0, normal((guint32)bits), on);
+        column = column + 1 < end ? column + 1 : columns;
         if (i + 1 < n)
-            ret_pixels[i + 1] = read_pixel(&s, &columns[(i + 1) % width], rate ? rate[i + 1] : 0,
-                                           normal((guint32)(bits >> 32)), on);
+            ret_pixels[i + 1] =
+                read_pixel(&s, column, rate ? rate[i + 1] : 0, normal((guint32)(bits >> 32)), on);
+        column = column + 1 < end ? column + 1 : columns;
     }
 }

@@ -1,5 +1,7 @@
 #include "world_private.h"
 
+#include <string.h>
+
 /* While the turntable turns, one exposure is computed in at most MAX_POSES poses. The number of
  * poses is chosen so that the sample's edge moves by at most POSE_STEP_PX pixels between two poses,
  * if MAX_POSES poses are enough. */
@@ -245,9 +247,37 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
-/* Adds the light of all lamps and lasers in one pose, in DN·s⁻¹, multiplied by share. */
+/* Memory for the light of an exposure. A thread keeps it for its next exposure, because new memory
+ * for each would take a tenth of the time of a laser sweep. */
+struct light {
+    gsize n; /* number of pixels */
+    float *rate, *own;
+};
+
+static void light_free(gpointer data) {
+    struct light *light = data;
+    g_free(light->rate);
+    g_free(light->own);
+    g_free(light);
+}
+
+/* Returns the memory of this thread for pictures of n pixels. */
+static struct light *light_get(gsize n) {
+    static GPrivate of_thread = G_PRIVATE_INIT(light_free);
+    struct light *light = g_private_get(&of_thread);
+    if (light && light->n >= n)
+        return light;
+    light = g_new(struct light, 1);
+    *light = (struct light){n, g_new(float, n), g_new(float, n)};
+    g_private_replace(&of_thread, light);
+    return light;
+}
+
+/* Adds the light of all lamps and lasers in one pose to light->rate, in DN·s⁻¹, multiplied by
+ * share. */
 static void add_light(World *world, int camera, const struct world_state *state, float share,
-                      float *rate) {
+                      struct light *light) {
+    float *rate = light->rate;
     const gsize n = (gsize)world->cameras[camera].width * (gsize)world->cameras[camera].height;
     for (int i = 0; i < world->n_lamps; i++) {
         const float output = share * state->lamp_output[i];
@@ -262,7 +292,9 @@ static void add_light(World *world, int camera, const struct world_state *state,
     for (int i = 0; i < world->n_lasers; i++) {
         if (!state->laser_on[i])
             continue;
-        g_autofree float *own = share < 1 || world->speckle_contrast > 0 ? g_new0(float, n) : NULL;
+        float *own = share < 1 || world->speckle_contrast > 0 ? light->own : NULL;
+        if (own)
+            memset(own, 0, n * sizeof *own);
         world_add_laser(world, camera, i, state, own ? own : rate);
         if (world->speckle_contrast > 0)
             world_speckle(world, camera, i, state, own);
@@ -282,18 +314,13 @@ static int world_n_poses(const World *world, int camera, const struct world_stat
     return CLAMP((int)ceil(px / POSE_STEP_PX), 1, MAX_POSES);
 }
 
-void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
-                  double gain_db, guint64 noise_key, guint16 *ret_pixels) {
-    g_return_if_fail(camera >= 0 && camera < world->n_cameras);
+/* Returns the light of an exposure in DN·s⁻¹. The memory belongs to the thread (light_get()). */
+static const float *exposure_light(World *world, int camera, const struct world_state *state) {
     const struct optics_camera *sensor = &world->cameras[camera];
-    gboolean lit = FALSE;
-    for (int i = 0; i < world->n_lamps; i++)
-        lit |= state->lamp_output[i] > 0;
-    for (int i = 0; i < world->n_lasers; i++)
-        lit |= state->laser_on[i];
     const gsize n = (gsize)sensor->width * (gsize)sensor->height;
-    g_autofree float *rate = lit ? g_new0(float, n) : NULL;
-    const int n_poses = lit ? world_n_poses(world, camera, state) : 0;
+    const int n_poses = world_n_poses(world, camera, state);
+    struct light *light = light_get(n);
+    memset(light->rate, 0, n * sizeof *light->rate);
     for (int i = 0; i < n_poses; i++) {
         struct world_state pose = *state;
         const double at = (i + 0.5) / n_poses * (WORLD_INSTANTS - 1);
@@ -302,11 +329,22 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
             pose.turntable_deg =
                 state->turning_deg[before] +
                 (at - before) * (state->turning_deg[before + 1] - state->turning_deg[before]);
-        add_light(world, camera, &pose, 1.0f / (float)n_poses, rate);
+        add_light(world, camera, &pose, 1.0f / (float)n_poses, light);
     }
-    if (rate)
-        optics_add_glare(sensor, rate);
+    optics_add_glare(sensor, light->rate);
+    return light->rate;
+}
+
+void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
+                  double gain_db, guint64 noise_key, guint16 *ret_pixels) {
+    g_return_if_fail(camera >= 0 && camera < world->n_cameras);
+    gboolean lit = FALSE;
+    for (int i = 0; i < world->n_lamps; i++)
+        lit |= state->lamp_output[i] > 0;
+    for (int i = 0; i < world->n_lasers; i++)
+        lit |= state->laser_on[i];
+    const float *rate = lit ? exposure_light(world, camera, state) : NULL;
     guint64 key = sample_hash(noise_key * 0x9e3779b97f4a7c15u + (guint64)camera + 1);
-    optics_sense(sensor, rate, (double)exposure_us * 1e-6, gain_db, world->noise,
+    optics_sense(&world->cameras[camera], rate, (double)exposure_us * 1e-6, gain_db, world->noise,
                  sample_hash(key ^ world->noise_seed), ret_pixels);
 }

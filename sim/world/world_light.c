@@ -222,7 +222,8 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     job->hit = hit;
     gsize n_pixels = (gsize)camera->width * (gsize)camera->height;
     g_autofree float *weights = g_new(float, n_pixels);
-    g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct point));
+    g_autoptr(GArray) points =
+        g_array_sized_new(FALSE, FALSE, sizeof(struct point), (guint)n_pixels);
     for (int y = 0; y < camera->height; y++) {
         trace_row(job, y);
         for (int x = 0; x < camera->width; x++)

@@ -189,8 +189,17 @@ static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, 
     }
 }
 
+/* Gets memory for more elements at once instead of copying the array each time it grows. */
+static void reserve(GArray *array, guint more) {
+    const guint n = array->len;
+    g_array_set_size(array, n + more);
+    g_array_set_size(array, n);
+}
+
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data) {
+    reserve(mesh->vertices, (guint)(nx + 1) * (guint)(ny + 1));
+    reserve(mesh->triangles, 2 * (guint)nx * (guint)ny);
     guint32 first = mesh->vertices->len, columns = (guint32)nx + 1;
     for (int j = 0; j <= ny; j++) {
         for (int i = 0; i <= nx; i++) {
