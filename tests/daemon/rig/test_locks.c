@@ -33,7 +33,7 @@ static GSubprocess *start_daemon(struct fixture *fixture, const char *rig) {
     static int n;
     g_autofree char *address = g_strdup_printf("unix:path=%s/bus%d", fixture->folder, n++);
     return process_start_ready(G_SUBPROCESS_FLAGS_NONE, NULL,
-                               (const char *[]){MESORIGD, "--listen", address, "--rig", rig, NULL});
+                               (const char *[]){MESORIGD, "--rig", rig, "--listen", address, NULL});
 }
 
 static void set_up_daemon(struct fixture *fixture, gconstpointer unused) {
@@ -108,7 +108,7 @@ static void test_board(struct fixture *fixture, gconstpointer unused) {
     const char *port = strrchr(virtual_modbus_bus(fixture->lines.devices[BANK]), ':');
     g_autofree char *bus = g_strconcat("tcp:localhost", port, NULL);
     g_autofree char *words =
-        g_strdup_printf("[lamps b] bus: cannot open unit 1 at %s: mesorigd --listen", bus);
+        g_strdup_printf("[lamps b] bus: cannot open unit 1 at %s: mesorigd --rig", bus);
     VirtualModbus *axis = lines_new_device(TRUE);
     write_other_rig(fixture, virtual_modbus_bus(axis), bus);
     light_up(fixture);
@@ -137,7 +137,7 @@ static void test_other_unit(struct fixture *fixture, gconstpointer unused) {
 static void test_line(struct fixture *fixture, gconstpointer unused) {
     g_autofree char *link = g_build_filename(fixture->folder, "by-id", NULL);
     g_autofree char *words =
-        g_strdup_printf("[axis turntable] bus: cannot open %s: mesorigd --listen", link);
+        g_strdup_printf("[axis turntable] bus: cannot open %s: mesorigd --rig", link);
     VirtualModbus *lamps = lines_new_device(FALSE);
     g_assert_cmpint(symlink(virtual_modbus_bus(fixture->lines.devices[ARC]), link), ==, 0);
     write_other_rig(fixture, link, virtual_modbus_bus(lamps));
@@ -172,7 +172,7 @@ static void test_operator(struct fixture *fixture, gconstpointer unused) {
     g_test_message("%s", said);
     g_assert_false(is_lit(fixture, LASER));
     g_assert_false(is_lit(fixture, BANK));
-    assert_has(said, "laser top: off, read back; mesorigd --listen");
+    assert_has(said, "laser top: off, read back; mesorigd --rig");
     assert_has(said, note);
     assert_has(said, "axis arc: NOT safe: ");
     assert_has(said, line);
