@@ -8,13 +8,13 @@
 /* Collective operations. All ranks make the same calls in the same order. Each call waits for all
  * ranks. */
 struct team {
-    int rank, n_ranks;
-    gpointer data;
+    int rank, n_ranks; /* rank is 0 … n_ranks − 1 */
+    gpointer data;     /* for the functions of this struct */
     /* Replaces values in all ranks by the sum of the arrays of all ranks, element by element. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
     /* Gathers data in all ranks. Rank i has filled the bytes starts[i] … starts[i + 1] − 1 of the
-     * array all. Afterwards the array is complete in each rank. */
+     * array all. Afterwards the array is complete in each rank. starts has n_ranks + 1 numbers. */
     void (*share)(const struct team *team, void *all, const gsize *starts);
     /* Scatters data. Only the rank root has the array all. Rank i receives the values starts[i] …
      * starts[i + 1] − 1 in ret_mine. */

@@ -32,6 +32,7 @@ static inline struct vec3 vec3_cross(struct vec3 a, struct vec3 b) {
 static inline double vec3_length(struct vec3 a) {
     return sqrt(vec3_dot(a, a));
 }
+/* Returns a / |a|. The components are not finite if a is 0. */
 static inline struct vec3 vec3_unit(struct vec3 a) {
     return vec3_scale(a, 1.0 / vec3_length(a));
 }
@@ -40,6 +41,7 @@ static inline struct vec3 mat3_mul_vec(const struct mat3 *a, struct vec3 v) {
                 a->m[1][0] * v.x + a->m[1][1] * v.y + a->m[1][2] * v.z,
                 a->m[2][0] * v.x + a->m[2][1] * v.y + a->m[2][2] * v.z);
 }
+/* Returns Aᵀ v. */
 static inline struct vec3 mat3_mul_transposed(const struct mat3 *a, struct vec3 v) {
     return vec3(a->m[0][0] * v.x + a->m[1][0] * v.y + a->m[2][0] * v.z,
                 a->m[0][1] * v.x + a->m[1][1] * v.y + a->m[2][1] * v.z,
