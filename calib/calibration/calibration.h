@@ -178,8 +178,10 @@ const char *calibration_part_name(enum calibration_kind kind);
  * tells the user how to give a calibration. Free the line with g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
-/* Sets the description of a part, with the present date, and returns the part. Takes ownership of
- * rejected, an array of char *; NULL means that no picture was rejected. */
+/* Sets the description of a part, with the present date, and returns the part, which belongs to the
+ * calibration. residual_unit becomes "px". The other members of the part become 0, and the caller
+ * sets them. Takes ownership of rejected, an array of char *; NULL means that no picture was
+ * rejected. */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
                                               int pictures, const char *checksum,
@@ -199,6 +201,8 @@ struct calibration *calibration_from_text(const char *text, const char *path, GE
 /* Writes the file atomically, by renaming a temporary file. Returns FALSE and leaves an existing
  * file as it is if its new text cannot be read back, or if writing fails. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
+/* Reads a file of at most 16 MiB as calibration_from_text() reads its text. Returns NULL with
+ * G_FILE_ERROR for an error of the system, and with RIG_ERROR if the file is not a calibration. */
 struct calibration *calibration_read(const char *path, GError **error);
 
 /* Checks that the calibration belongs to this rig. The id must be the same, and the number and
@@ -222,5 +226,6 @@ gboolean calibration_sight(const struct calibration *calibration, int camera, st
 double calibration_output_factor(const struct calibration *from, const struct calibration *to,
                                  int camera, int lamp, double turntable_rad, double arc_rad);
 
-/* Returns the number of days since a part was calibrated, or −1 if it was not calibrated. */
+/* Returns the number of days since a part was calibrated, or −1 if it was not calibrated or its
+ * date is not in ISO 8601. The number is negative if the date is in the future. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind);
