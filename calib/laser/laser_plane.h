@@ -6,9 +6,10 @@
  *
  * Two numbers of each photograph are adjusted: the distances of two points of its line from the
  * plane. Their covariance includes the line's scatter, and the error of the board's pose, which
- * moves both points. Photographs that contradict the others are left out. The plane's covariance
- * also includes that of the camera's parameters, whose errors are the same in all photographs. If
- * the photographs scatter more than their errors explain, the plane's covariance is increased.
+ * moves both points. Photographs that contradict the others are left out, unless there are only
+ * LASER_PLANE_MIN. The plane's covariance also includes that of the camera's parameters, whose
+ * errors are the same in all photographs. If the photographs scatter more than their errors
+ * explain, the plane's covariance is increased.
  *
  * The functions are pure, and any thread may call them.
  */
@@ -22,8 +23,12 @@
 #define LASER_PLANE_ERROR laser_plane_error_quark()
 GQuark laser_plane_error_quark(void);
 enum laser_plane_error {
-    LASER_PLANE_ERROR_PICTURES,   /* too few photographs, or they contradict each other */
-    LASER_PLANE_ERROR_DEGENERATE, /* the lines in the photographs do not determine a plane */
+    /* There are too few photographs, the line or the board in one of them cannot be measured, the
+     * photographs contradict each other, or the errors of the camera are too large. */
+    LASER_PLANE_ERROR_PICTURES,
+    /* The lines in the photographs do not determine a plane, or the standard error of the plane's
+     * tilt is above 1°. */
+    LASER_PLANE_ERROR_DEGENERATE,
 };
 
 struct laser_photograph {
@@ -51,7 +56,8 @@ struct laser_plane {
 };
 
 /* Fits the plane. errors are the errors of the camera. If errors is NULL, or errors->known is
- * FALSE, the camera counts as exact. Returns NULL with an error if the plane is refused. */
+ * FALSE, the camera counts as exact. Returns NULL with a LASER_PLANE_ERROR if the plane is refused:
+ * also if at most half of the photographs are used. */
 struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
                                     const struct calibration_camera *errors,
                                     const struct board *board,
