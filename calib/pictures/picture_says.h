@@ -58,7 +58,7 @@ double picture_says_focal_px(const struct picture_says *says, int width, int hei
                              char **ret_said);
 
 /* Reads what the file at path says, in the same way. If the file cannot be read, all statements
- * count as missing. */
+ * count as missing. Call picture_says_clear() afterwards. */
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
 /* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted
@@ -74,8 +74,9 @@ const struct picture_tone *picture_tone_choose(const struct picture_tone *said, 
  * 0.45455)". Free it with g_free(). */
 char *picture_tone_describe(const struct picture_tone *said, int bits, enum picture_tones wanted);
 
-/* Makes n numbers of 8 or 16 bits (0: floating-point) linear, with white at 1. Numbers that are not
- * finite are not changed. */
+/* Makes n numbers linear in place, with white at 1. bits is 8 or 16 for numbers from 0 to 255 or to
+ * 65535, which are limited to this range. bits is 0 for floating-point numbers with white at 1.
+ * Numbers that are not finite are not changed. */
 void picture_tone_apply(const struct picture_tone *tone, int bits, float *numbers, gsize n);
 
 /* Returns the light of a number, with white at 1. PICTURE_TONES_UNSAID and _OTHER count as
