@@ -42,8 +42,9 @@ struct command {
 #define CLI_TABLES 5
 void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
-/* Parses the options, runs the command, and prints its record or its error. Returns an exit
- * code. */
+/* Parses the options, runs the command, and prints its record or its error. With --json, the record
+ * or the error is printed to stdout as JSON. Without --json, the error is printed to stderr. The
+ * record is not printed if the exit code is CLI_USAGE. Returns an exit code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
 /* For run_arguments of a command that has children. Runs the child that argv[1] names, or prints
@@ -61,7 +62,8 @@ OutputFile *cli_output_locked(const char *path, const char *kind, GError **error
 /* The same as cli_output_locked() for a product of a session, whose name Mesorig chooses. A link
  * of that name is replaced, not followed. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
-/* Tells the user if the output has replaced a file. */
+/* Tells the user if the output has replaced a file. Adds the value "replaced" to the JSON in any
+ * case. */
 void cli_tell_output(Record *to, const OutputFile *file);
 
 /* Decides whether a folder of several files may be written, as cli_output() does for a file.

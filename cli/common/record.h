@@ -22,8 +22,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
  *     time   seconds, as report_duration() writes them
  *     size   bytes, as g_format_size() writes them
  *
- * The key may be empty: "{:time}" only changes the text. Conversions are those of printf() for
- * integers, doubles and strings. Widths count characters, not bytes. A NULL string is "". */
+ * The key may be empty: "{:time}" only changes the text. The conversions are %d, %i and %u (with l
+ * or ll for an integer of 64 bits), %f, %g, %s, %c and %%. Any other conversion ends the program.
+ * Widths of strings count characters, not bytes. A NULL string is "". */
 void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 /* The same as record_say(), but without the text if said is FALSE. The values are added in either
@@ -55,7 +56,8 @@ void record_say_doubles(Record *to, const char *key, const char *format, const d
                         int n);
 
 /* Begin a list of records, or a record within this one. A record in a list has NULL as its key. The
- * values that are added until record_end() belong to the new list or record. */
+ * values that are added until record_end() belong to the new list or record. There are at most 8
+ * levels within each other. */
 void record_begin_list(Record *to, const char *key);
 void record_begin(Record *to, const char *key);
 void record_end(Record *to);

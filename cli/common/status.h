@@ -7,14 +7,17 @@
 /* Returns whether a session is under way or paused. */
 gboolean status_is_capturing(BusRig1 *rig);
 
-/* Adds session, shots, frames, elapsed time and predicted end of a capture that has shots. */
+/* Adds session, shots, frames, use of the disk, elapsed time, time left and predicted end of a
+ * capture. The capture must have shots. */
 void status_say_progress(Record *to, BusRig1 *rig);
 
-/* Prints a line for each sentence, and indents those after the first. */
+/* Adds the text with a line for each sentence. The first line begins with key, and the others are
+ * indented. */
 void status_say_sentences(Record *to, const char *key, const char *text);
 
-/* Prints a table with the health of each device in a few words, followed by the texts of all faults
- * and of all devices that are not safe. A text is printed once, and not if reason contains it.
+/* Adds a table with the health of each device in a few words, followed by the texts of all faults
+ * and of all devices that are not safe. A text is added once, and not if reason contains it. reason
+ * must not be NULL.
  * devices is "a(ssss)", the property Devices. While a device has a fault, "ok" is shown as "ok
  * before the fault", because it is the last answer of a device and may be older than the fault of
  * another device. */

@@ -1,4 +1,5 @@
-/* Long work in the process of the command line, with progress, and with Ctrl-C to cancel it. */
+/* Long work in the process of the command line, with progress. SIGINT (Ctrl-C), SIGTERM and SIGHUP
+ * cancel the work. */
 #pragma once
 
 #include "base/output_file.h"
@@ -8,7 +9,7 @@ typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **err
 
 /* Runs func in the calling thread, and shows a bar. With --json, a command with `streams` (cli.h)
  * prints lines of JSON instead, and others show nothing. Returns what func returns. ret_seconds
- * (may be NULL) is the time that func took. */
+ * (may be NULL) is the real time that func took, also if it failed. */
 gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error);
 
 typedef gboolean (*CliWrite)(const char *path, const struct work *work, gpointer data,
