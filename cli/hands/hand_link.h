@@ -13,8 +13,8 @@ extern char *hand_rig; /* --rig */
     }
 
 /* Finds a daemon for the rig of --rig, and opens the rig if necessary. Without --rig, finds a
- * daemon that has any rig open. Lights and moves that this process has begun end when its
- * connection closes. */
+ * daemon, and fails with G_IO_ERROR_NOT_FOUND if this daemon has no rig open. Lights and moves that
+ * this process has begun end when its connection closes. Free the link with link_free(). */
 Link *hand_link(GError **error);
 
 /* The same in two steps. hand_find() finds the daemon. *ret_rig is the absolute path of the rig of
@@ -25,20 +25,22 @@ gboolean hand_open(Link *link, const char *rig, GError **error);
 
 /* Record what devices say (docs/build-a-rig/recordings.md). hand_begin_recording() closes the rig
  * if it is open, begins the recording, and opens the rig, so that the recording shows how its
- * devices are opened. If the rig cannot be opened, the recording goes on. hand_end_recording()
- * closes the rig if it is open, ends the recording and returns its text; g_free(). It opens the rig
- * again if was_open is TRUE. was_open is the value that hand_begin_recording() has set. */
+ * devices are opened. If the rig cannot be opened, the function returns FALSE, but the recording
+ * goes on. hand_end_recording() closes the rig that is open, ends the recording and returns its
+ * text; g_free(). hand_end_recording() opens the rig again if was_open is TRUE, and returns NULL if
+ * the rig cannot be opened. was_open is the value that hand_begin_recording() has set. */
 gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, GError **error);
 char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error);
 
-/* Lease of a light in seconds: the light goes off after this time unless hand_snap(), hand_light()
- * or hand_renew() is called. */
+/* Lease of a light in seconds, as hand_light() begins it. The light goes off after this time unless
+ * hand_snap(), hand_light(), hand_light_for() or hand_renew() is called. */
 #define HAND_LEASE_S 30
 
 /* Each function calls the daemon's method of the same purpose and waits for the answer. hand_snap()
- * renews the leases of all lights that this process has switched on. hand_light() does so
- * repeatedly while it waits for the answer, because a light may have to warm up. The caller owns
- * the frame of hand_snap(); frame_unref(). */
+ * renews the leases of all lights that this process has switched on, so that they end after
+ * HAND_LEASE_S, also if their leases were shorter or longer. hand_light() does so repeatedly while
+ * it waits for the answer, because a light may have to warm up. The caller owns the frame of
+ * hand_snap(); frame_unref(). */
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
@@ -46,9 +48,11 @@ gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, G
  * it ends at most for_s after the last renewal. */
 gboolean hand_light_for(Link *link, gboolean laser, const char *name, double for_s, GError **error);
 
-/* Renews the leases of the lights that this process has switched on, without waiting for the
- * answer. */
+/* Renews the leases of the lights that this process has switched on, so that they end after for_s
+ * seconds. Does not wait for the answer. */
 void hand_renew(Link *link, double for_s);
 
+/* hand_move() moves an axis to deg, hand_home() moves it to its home position. *ret_deg is the
+ * angle at which the axis then stands, in degrees. */
 gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error);
 gboolean hand_home(Link *link, const char *axis, double *ret_deg, GError **error);
