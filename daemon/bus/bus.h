@@ -26,16 +26,19 @@ Bus *bus_new(const char *address);
 gboolean bus_end(Bus *bus, GError **error);
 
 /* Makes the rig safe, closes the session (it can be resumed) and the devices, and removes the
- * object from every connection. NULL is ignored. */
+ * object from every connection. If a device does not confirm that it is safe, the devices stay
+ * open, and the guardian continues to make the rig safe. NULL is ignored. */
 void bus_free(Bus *bus);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Bus, bus_free)
 
+/* Sets the function that is called for changes, in place of an earlier one. NULL means none. */
 void bus_listen(Bus *bus, BusFunc func, gpointer data);
 
 /* Shows the rig on a connection until the connection closes. */
 gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 
-/* Does the same as the method OpenRig. */
+/* Does the same as the method OpenRig. path must be absolute. Fails with BUS_ERROR_BUSY if a rig is
+ * open. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
 /* Keeps a queue of sessions in this file (queue.h), and captures the sessions while a rig is open.

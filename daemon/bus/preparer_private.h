@@ -12,9 +12,12 @@
  * - the paths of the session file and of the session directory,
  * - the texts of session and calibration (empty if they have to be read),
  * - the lines for session_conf_choose() (empty for none),
- * - a struct bus_caller, or nothing. */
+ * - a struct bus_caller as bytes, or no bytes.
+ * PREPARER_REQUEST is the format for g_variant_new(), in which "@ay" stands for structs and "^ay"
+ * for texts. */
 #define PREPARER_REQUEST_TYPE "(siiutayayayayaydayayayayayay)"
 #define PREPARER_REQUEST      "(siiut@ay@ay^ay^ay^ayd^ay^ay^ay^ay^ay@ay)"
 
-/* The answer contains domain (empty for no error), code and message of an error, and the result. */
+/* The answer contains domain (empty for no error), code and message of an error, and the result,
+ * which is an empty string after an error. */
 #define PREPARER_ANSWER "(sisv)"
