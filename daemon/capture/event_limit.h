@@ -1,5 +1,5 @@
-/* Limits the rate of one kind of event of one camera. The limits belong to the Capture. Main loop's
- * thread. */
+/* Limits the rate of one kind of event of one camera. The Capture owns the limits. All functions
+ * belong to the main loop's thread. */
 #pragma once
 
 #include "capture_session.h"
@@ -16,6 +16,6 @@ void event_limit_warn(struct event_limit *limit, const struct capture_session *s
                       const char *source, const char *message);
 
 /* If warnings were only counted since the last event, adds an event with their number: "3 more
- * frames were " followed by what. Resets the limit. */
+ * frames were ", or "1 more frame was ", followed by what. Resets the limit in any case. */
 void event_limit_flush(struct event_limit *limit, const struct capture_session *session,
                        const char *source, const char *what);
