@@ -10,12 +10,13 @@
  * At the speed ω of the table, a point at the sample's corner, at the distance r from the axis,
  * moves by ω r t during an exposure of t. The pose of a frame is known to within ω r 2 δ. Here δ is
  * the maximum error of the times of frames and of the table's positions, both together. ω is chosen
- * so that neither length exceeds [capture] blur_texels of a texel. It is at most the maximum speed
- * of the table.
+ * so that neither length exceeds [capture] blur_texels of a texel, and is then rounded down to two
+ * significant digits. If the maximum speed of the table is lower, ω is that speed.
  *
  * Passes depend only on the session file, the rig's nominal geometry, its timing and the given
  * shots. They do not depend on which shots are already taken. A session that is resumed therefore
- * has the same passes, and takes the same pictures. Pure functions. */
+ * has the same passes, and takes the same pictures. All functions are pure, except that
+ * passes_set(), passes_take_followers() and passes_put_back() change the shots. */
 #pragma once
 
 #include "rig/devices.h"
@@ -44,17 +45,19 @@ struct passes_speed passes_speed(const struct session_conf *conf, const struct r
 int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
                const struct rig *rig, const struct rig_timing *timing, int number);
 
-/* Returns the time from the end of the exposure of before to the end of the exposure of shot if the
- * table passes both in one pass. Returns G_MAXDOUBLE if the two shots cannot be in one pass. */
+/* Returns the time in seconds from the end of the exposure of before to the end of the exposure of
+ * shot if the table passes both in one pass. Returns G_MAXDOUBLE if the two shots cannot be in one
+ * pass. */
 double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
                       const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing);
 
 /* Prepares shots for ordering. Shots that differ only in the angle of the turntable must follow
  * each other if at least some of them would be in a pass. passes_take_followers() removes all but
- * the first of such shots from an array of struct session_shot, and returns the removed shots.
- * passes_put_back() puts them back after that first shot, in the order in which the table passes
- * them. */
+ * the first of such shots from an array of struct session_shot, and returns the removed shots;
+ * g_array_unref(). passes_put_back() copies them back after that first shot, in the order in which
+ * the table passes them. The strings of the removed shots are not freed with the returned array, so
+ * the shots must be put back. */
 GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing);
 void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig);
@@ -65,11 +68,12 @@ double passes_at_deg(const struct session_pass *pass, double turntable_deg);
 
 /* Returns the time in seconds until the trigger of a shot in a pass. It is counted from the
  * beginning of the pass or, if before is in the same pass, from the end of before's exposure.
- * frame_s is the time from a trigger to the end of its exposure, which takes exposure_s. */
+ * before may be NULL. frame_s is the time from a trigger to the end of its exposure, which takes
+ * exposure_s. */
 double passes_lead_s(const struct session_shot *before, const struct session_shot *shot,
                      double frame_s, double exposure_s, const struct axis_motion *table);
 
 /* Returns the time in seconds from the end of the exposure of the last shot of a pass until the
- * table stands still. */
+ * table stands still and has settled. */
 double passes_exit_s(const struct session_shot *shot, double exposure_s,
                      const struct axis_motion *table);
