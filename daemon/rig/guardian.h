@@ -52,7 +52,7 @@ enum guardian_end {
     GUARDIAN_FAILED,
 };
 
-/* Ends the connection to the guardian. NULL is ignored. */
+/* Ends the connection to the guardian, and frees the struct. NULL is ignored. */
 void guardian_end(Guardian *guardian, enum guardian_end how);
 
 /* For a program that is about to make the rig safe itself: if a guardian is making the rig safe,

@@ -2,9 +2,9 @@
  * spiral over a part of the hemisphere, an arc, or a file. Every lamp gets the values that a
  * section [lamp NAME] would have.
  *
- * Lamps are numbered from 1 in the order in which they are described. A lamp to which no table
- * gives a name is named after the bank and this number, with at least two digits: dome_01,
- * dome_02, … */
+ * The lamps of a bank are numbered from 1 in the order in which they are described. A lamp to which
+ * no table gives a name is named after the bank and this number: dome_01, dome_02, … The number has
+ * two digits, or three if the bank has more than 99 lamps. */
 #pragma once
 
 #include "base/options.h"
@@ -32,9 +32,10 @@ struct lamp_place {
 const char *lamp_places_key(const struct config_section *section);
 
 /* Returns the lamps of a section [lamps NAME] in their order (of struct lamp_place), or an empty
- * array if lamp_places_key() is NULL. fields are the values of the section. Leaves out lamps
- * that a table gives to another bank. Adds mistakes and returns NULL if a value is wrong, the
- * keys do not fit each other, the file has a mistake, or a name would be too long. */
+ * array if lamp_places_key() is NULL. Free the array with g_array_unref(). fields are the values of
+ * the section. Leaves out lamps that a table gives to another bank. Adds mistakes and returns NULL
+ * if a value is wrong, the keys do not fit each other, the file has a mistake, or a name would be
+ * too long. */
 GArray *lamp_places_new(const struct bank_fields *fields, const struct config_section *section,
                         Mistakes *mistakes);
 
