@@ -8,26 +8,33 @@
 
 struct modbus_line;
 
-/* Copies the link. Does not connect. */
+/* Copies the link. Does not connect. Returns NULL with DEVICE_ERROR_DISCONNECTED if link->bus is
+ * not the name of a line. */
 struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **error);
 void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
-/* Connects if the line is not connected. After a failure, unless the effort is MODBUS_ONCE, the
- * function first waits for the back-off time, but not beyond deadline_us (time of
- * g_get_monotonic_time()). */
+/* Connects if the line is not connected. With MODBUS_ONCE, makes one attempt at once. Otherwise
+ * repeats the attempt until deadline_us (time of g_get_monotonic_time()). Before an attempt that
+ * follows a failed one, the function waits for the back-off time, which grows from 50 ms to 1 s. It
+ * returns at once if that time would end after deadline_us. The error is DEVICE_ERROR_BUSY if
+ * another program uses a serial line, otherwise DEVICE_ERROR_DISCONNECTED. */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 
-/* Makes one request, with retries, resynchronisation and read-back. */
+/* Makes one request, with retries, resynchronisation and, if request->verify is TRUE, read-back.
+ * Connects if necessary. A read stores its values in request->values. Time in which this program
+ * was suspended does not count, and a failed first attempt may be repeated although the deadline
+ * has passed. The call may therefore end after deadline_us. The error is a DEVICE_ERROR. */
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
                         gint64 deadline_us, GError **error);
 
 /* How modbus_line_do() repeats the next requests. */
 enum modbus_effort {
-    MODBUS_REPEAT, /* repeats as often as the link says, until the deadline */
+    MODBUS_REPEAT, /* the default: repeats as often as the link says, until the deadline */
     /* Makes one attempt without waiting for the back-off time, because the caller will ask again.
-     */
+     * Only a unit that answers that it is busy is asked again. */
     MODBUS_ONCE,
-    /* Repeats like MODBUS_REPEAT, but not after an attempt that fails while *waiting is not 0. */
+    /* Repeats like MODBUS_REPEAT, but not after an attempt that fails while *waiting is not 0,
+     * unless the unit has answered that it is busy. */
     MODBUS_YIELD,
 };
 /* Sets how requests are repeated. waiting is an atomic integer for MODBUS_YIELD, and NULL for the
