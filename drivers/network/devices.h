@@ -1,4 +1,4 @@
-/* Drivers of lamps that are reached by UDP. */
+/* Drivers of lamps that are reached by UDP. WLED is also told by HTTP to be off. */
 #pragma once
 
 #include "drivers/lamps.h"
