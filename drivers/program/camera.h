@@ -13,7 +13,7 @@
 struct program_camera {
     struct program_command command; /* must live until the camera is closed */
     Program *program;
-    char *folder;         /* folder into which the program writes its pictures */
+    char *folder;         /* temporary folder into which the program writes its pictures */
     gint64 *exposures_us; /* the list to which camera->format points */
     struct camera_settings settings;
     guint64 shot;
@@ -27,9 +27,12 @@ struct program_camera {
 gboolean program_camera_read_format(JsonObject *values, struct camera_format *ret,
                                     gint64 **ret_exposures_us, GError **error);
 
-/* Returns the time in which "trigger" must be answered. */
+/* Returns the time in µs in which "trigger" must be answered. */
 gint64 program_camera_wait_us(const struct camera_format *format, gint64 exposure_us);
 
+/* program_camera_open() makes the folder and starts the program. program_camera_opened() waits for
+ * the answer to "open" and sets camera->format. program_camera_close() ends the program and removes
+ * the folder with its pictures. */
 gboolean program_camera_open(Camera *camera, GError **error);
 gboolean program_camera_opened(Camera *camera, GError **error);
 void program_camera_close(Camera *camera);
