@@ -34,14 +34,15 @@ struct comparison {
     double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */
 };
 
-/* Compares two materials at all texels, views and lights. Fails if the widths, the heights or the
- * numbers of views or lights differ, if a direction differs by 0.01° or more, if a value is
- * infinite or NaN, or if the work is cancelled. The progress stages are "compare" and then
- * "pictures"; work may be NULL. Free with comparison_free(). */
+/* Compares two materials at all texels, views and lights. Fails with DATA_ERROR_INVALID if the
+ * widths, the heights or the numbers of views or lights differ, if a direction differs by 0.01° or
+ * more, or if a value is infinite or NaN. Also fails if the work is cancelled. The progress stages
+ * are "compare" and then "pictures"; work may be NULL. Free with comparison_free(). */
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error);
 /* Compares a model with its BTF, whose values are in memory. Gives `error` and `luminance_error` of
- * struct compare_sums over all views and lights. Fails as compare_materials() does. */
+ * struct compare_sums over all views and lights, where A is the BTF and B the model. Fails as
+ * compare_materials() does. */
 gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
                        const struct work *work, double *ret_error, double *ret_luminance_error,
                        GError **error);

@@ -26,6 +26,7 @@ struct lobes_fit {
     const float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
 };
 
+/* Returns the number of parameters of one problem. */
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
 /* rows is n × n_views × n_lights of luminance, NaN for missing values. parameters is n ×
@@ -56,8 +57,8 @@ struct lobes_traits {
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 
-/* Returns the name of the part that contains value number `value` of each texel (g_free()), and
- * gives the name of its channel. */
+/* Returns the name of the part that contains value number `value` of each texel (g_free()).
+ * *ret_channel is the name of its channel, which is constant. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
 /* Convert between a model and its file in memory, as lobes_write_levels() writes the file and

@@ -14,11 +14,14 @@ struct lpca_target {
     int n_grid;
 };
 
-/* Tries 1, 2, 4, … clusters, until two tries in a row do not improve the result. options gives
- * everything except clusters, components and target. With a target error, returns the smallest
- * local PCA that reaches the error, at most as large as the target size. Without a target error,
- * returns the local PCA with the smallest error that is at most as large as the target size. The
- * result is LPCA_FLOAT. If no local PCA reaches the target, returns NULL, and the error describes
- * the local PCA that comes nearest. */
+/* Tries 1, 2, 4, … clusters, until two tries in a row do not improve the result, or until there
+ * would be more clusters than texels or LPCA_MAX_CLUSTERS. options gives everything except
+ * clusters, components, target and nearest. With a target error, returns the smallest local PCA
+ * that reaches the error. It is at most as large as the target size or, without a target size,
+ * about as large as the BTF in half floats. Without a target error, returns the local PCA with the
+ * smallest error that is at most as large as the target size. If more clusters do not fit into
+ * memory, the best result so far is returned. The result is LPCA_FLOAT. If no local PCA reaches the
+ * target, returns NULL with DATA_ERROR_INVALID, and the message describes the local PCA that comes
+ * nearest. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_target *target, GError **error);
