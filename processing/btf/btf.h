@@ -97,13 +97,14 @@ void btf_set_flag_counts(struct exr_part *part, const guint8 *flags, gsize n);
  * attribute counts as 0. Only the headers of the part are needed. */
 void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 
-/* Returns whether the file exists and was made from the inputs of the view. */
+/* Returns whether the file exists, has a part for each light of the view, and was made from the
+ * inputs of the view. Reads only headers. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
 /* Reads from a view's file the pictures of the lights with the indices in lights. ret_rgb: n_lights
  * × height × width × 3 (R, G, B). n_threads threads decode the pictures; 0 means one per processor.
  * Fails if the file cannot be read, if a light has no part, or if a part lacks a colour or differs
- * from the grid in size. */
+ * from the grid in size. The indices in lights must differ from each other. */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, int n_threads, float *ret_rgb,
                        GError **error);

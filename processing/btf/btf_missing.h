@@ -11,12 +11,12 @@
  * NULL if no light was captured; g_free(). */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i);
 
-/* Sets the flags of n texels: BTF_FLAG_PREDICTED, or BTF_FLAG_HOLE if any picture whose weight is
+/* Gives the flags of n texels: BTF_FLAG_PREDICTED, or BTF_FLAG_HOLE if any picture whose weight is
  * not 0 has a hole there. */
 void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
                        gsize n, guint8 *ret_flags);
 
-/* Sets the channels B, G and R of a part to the sum of the parts in taken, weighted by weights.
- * Holes and negative sums become 0. */
+/* Adds the parts in taken, weighted by weights, to the channels B, G and R of a part, which must be
+ * 0 before. Texels that are holes in flags, and negative sums, become 0. */
 void btf_missing_fill(const double *weights, struct exr_part *const *taken, guint n_lights,
                       const guint8 *flags, struct exr_part *part);

@@ -25,7 +25,7 @@ typedef struct DirectionMesh DirectionMesh;
 
 /* Makes a mesh. Directions within ¼° of an earlier one (⅛° at the horizon) are left out, and also
  * the direction with the index skip if skip is not −1. lights says whether the directions are
- * lights. */
+ * lights. At least one direction must remain. */
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights);
 void direction_mesh_free(DirectionMesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
