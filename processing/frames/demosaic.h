@@ -1,8 +1,8 @@
 /*
  * Demosaicing: estimates the two colours that a pixel behind a colour filter does not measure.
- * Green is interpolated along edges rather than across them (Hamilton and Adams 1997); the ratios
- * of red and blue to green are averaged over near pixels, with larger weights for pixels of similar
- * brightness, so that colours do not bleed over edges. Any thread.
+ * Green is interpolated along edges rather than across them (Hamilton and Adams 1997). The ratios
+ * of red and blue to green are averaged over near pixels. Pixels of similar brightness have larger
+ * weights, so that colours do not bleed over edges. Any thread.
  */
 #pragma once
 
@@ -24,7 +24,7 @@ struct demosaic_lateral {
 };
 
 /* Estimates the colours of the points whose light the pixels see.
- *   mosaic      height × width; values that are not finite count as black
+ *   mosaic      height × width; values that are negative or not finite count as black
  *   colour      one of the constants above for each pixel, with a Bayer filter's period of two
  *   lateral     NULL if all colours of a point arrive at the same place
  *   ret_ratio   height × width × 3: the factors from a pixel's value to red, green and blue;

@@ -8,19 +8,23 @@
 #pragma once
 
 struct laser_frames {
-    int n;
-    /* of each frame, rad: measured minus commanded sheet angle; NAN if there is no line */
+    int n; /* number of frames */
+    /* Given by the caller, n values each. middle, rad: measured minus commanded sheet angle of each
+     * frame; NAN if there is no line */
     double *middle;
     double *error; /* standard error of middle, rad */
-    /* Results, n values each: */
-    /* rad: robust mean of middle over all frames, or over the nearest frames if the median of these
-     * differs significantly from the median of all frames */
+    /* Results, n values each, allocated by the caller. level, rad: median of middle over all
+     * frames, or over the 21 nearest frames with a line if their median differs significantly from
+     * that of all frames, plus the robust mean of the deviations from these medians. A frame
+     * without a line has the level of the nearest frame with a line. */
     double *level;
     /* rad: deviation of middle from level, shrunk according to its error; 0 for outliers and for
      * frames without a line */
     double *own;
-    double offset, offset_error; /* mean level of frames with a line, and its standard error, rad */
-    int lines;                   /* number of frames with a line */
+    /* Result: mean level of frames with a line, and its standard error, rad. The error is INFINITY
+     * if all frames count as outliers. */
+    double offset, offset_error;
+    int lines; /* result: number of frames with a line */
 };
 
 /* Computes the results. At least one frame must have a line. */

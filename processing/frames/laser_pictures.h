@@ -17,18 +17,19 @@ typedef struct LaserPictures LaserPictures;
 
 /* Borrows region and sweep. Of the sweep, only arc, laser, arc_rad, from_rad and step_rad are read.
  * A pixel can show the line if it is more than threshold_dn brighter than the median of the
- * region's pixels. */
+ * region's pixels, both after the filter. */
 LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_sweep *sweep,
                                   int width, int height, int n_frames, double threshold_dn);
 void laser_pictures_free(LaserPictures *pictures); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPictures, laser_pictures_free)
 
-/* Adds the next frame, width × height values. The values of all pixels are compared with each
- * other, whatever their colour filter. */
+/* Adds the next frame, width × height values. Call it at most n_frames times. The values of all
+ * pixels are compared with each other, whatever their colour filter. */
 void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
-/* Gives the lines of all frames. turn_rad of a frame without a line is copied from the nearest
- * frame with a line; turn_rad is NULL if no frame has a line. The roll is the mean over all lines,
- * weighted by their number of candidates. disagrees is FALSE. The standard errors are unknown, and
- * are stored as INFINITY, so the error bars of the MDF are those of the calibration. */
+/* Gives the lines of all frames; laser_lines_clear(). turn_rad of a frame without a line is copied
+ * from the nearest frame with a line. The roll is the mean over all lines, weighted by their number
+ * of candidates. disagrees is FALSE. The standard errors are unknown, and are stored as INFINITY,
+ * so the error bars of the MDF are those of the calibration. If no frame has a line, turn_rad is
+ * NULL, and roll, offset and their standard errors are 0. */
 void laser_pictures_finish(const LaserPictures *pictures, struct laser_lines *ret);
