@@ -17,14 +17,14 @@ void input_clear(struct input *input);
 
 /* Reads the first part of the file. The error is DATA_ERROR_INVALID if the checksum differs from
  * the session's, if the picture is not width × height, if the file cannot be read or has no parts,
- * or if one of the channels (NULL-terminated) is missing. */
+ * or if one of the channels (NULL-terminated) is missing. Free the part with exr_part_free(). */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
 /* Returns the mosaic (height × width, borrowed) of a frame that input_read() or exr_read_part() has
- * read from path, and its colour filter. For a picture in colour ("rgb") the function computes the
- * mosaic that a sensor behind "rggb" would have recorded, so that code for mosaics can use it. This
- * mosaic overwrites the channel G. Returns NULL with an error if a channel or an attribute is
- * missing. */
+ * read from path, and its colour filter in *ret_cfa (borrowed). path is for messages. For a picture
+ * in colour ("rgb") the function computes the mosaic that a sensor behind "rggb" would have
+ * recorded, so that code for mosaics can use it. This mosaic overwrites the channel G. Returns NULL
+ * with an error if a channel or an attribute is missing. */
 const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
                           GError **error);
 

@@ -29,7 +29,8 @@ gboolean session_db_fail(const Session *session, int rc, GError **error);
  * gint64, d for double, s for const char * (NULL is stored as NULL). */
 gboolean session_db_run(Session *session, GError **error, const char *sql, const char *types, ...);
 
-/* Prepares a query, with arguments as for session_db_run(). Returns NULL on error. */
+/* Prepares a query, with arguments as for session_db_run(). Free it with sqlite3_finalize().
+ * Returns NULL on error. */
 sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql, const char *types,
                                ...);
 
@@ -48,8 +49,8 @@ int session_db_one_text(Session *session, const char *sql, const char *key, char
  * session. If create is TRUE, makes an empty database instead; session.db must not exist. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);
 
-/* Opens a session and takes ownership of lock. If lock is −1 and the mode is SESSION_CAPTURE, takes
- * the lock. */
+/* Opens a session and takes ownership of lock, also on failure. If lock is −1 and the mode is
+ * SESSION_CAPTURE, takes the lock. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
 /* Takes the capture lock. Returns its file descriptor, or −1 with an error, for example if another
  * process holds the lock. */
@@ -61,10 +62,15 @@ int session_lock(const char *path, GError **error);
 #define SESSION_MASK_CAMERAS 63
 #define SESSION_CAMERAS      "cameras/"
 
+/* Begin and end a transaction. session_begin() waits up to 10 s for a transaction of another
+ * program. If session_commit() fails, it rolls the transaction back. session_rollback() does
+ * nothing if there is no transaction. */
 gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);
 void session_rollback(Session *session);
 
+/* Returns whether the session was opened in the mode least or in a mode that may do more. The error
+ * is SESSION_ERROR_IO. */
 gboolean session_may(const Session *session, enum session_mode least, GError **error);
 
 /* Returns whether a path is relative and valid UTF-8, and has no component that is empty, "." or
