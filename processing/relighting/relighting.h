@@ -32,8 +32,8 @@
  * values of a texel (Ponchio et al. 2018). The components are those of the values without light
  * j, whose covariance is the covariance of all lights without the three rows and columns of j.
  *
- * In the near model weights are computed for tiles of texels within which no direction differs by
- * more than RELIGHTING_TILE_DEG from that of the tile's centre.
+ * In the near model weights are computed for tiles of texels within which no direction of a light
+ * differs by more than RELIGHTING_TILE_DEG from that at the tile's centre.
  */
 #pragma once
 
@@ -47,11 +47,12 @@ struct relighting {
     struct near_field *near; /* directions and positions of all views */
     int view;                /* index of the view nearest to the normal */
     int width, height;
-    /* Lights whose pictures were captured, and their indices in near->lights. Pictures that were
-     * predicted (BTF_FLAG_PREDICTED) are left out. */
+    /* Lights whose pictures were captured, and their indices in near->lights. Pictures of which
+     * more than half of the texels were predicted (BTF_FLAG_PREDICTED) are left out. */
     int n_lights, *lights;
-    float *values; /* ρ: n_lights × height × width × 3 (R, G, B). Holes have the mean of their
-                    * neighbours (btf_fill_holes()) */
+    /* ρ: n_lights × height × width × 3 (R, G, B). Holes have the mean of their neighbours
+     * (btf_fill_holes()). A picture of which all texels are holes is 0. */
+    float *values;
 };
 typedef struct relighting Relighting;
 
@@ -82,7 +83,8 @@ int relighting_model_numbers(const struct relighting_model *model, int n_lights)
 /* Predicts P of each light from all other lights. ret_pictures is n_lights × height × width × 3, at
  * least 0. The error is DATA_ERROR_INVALID if the lights do not determine the terms when one of
  * them is left out, or if the kriging cannot be fitted, and G_IO_ERROR_CANCELLED. ret_sigma, which
- * may be NULL, is σ of RBF. The progress stages are "prediction" and "relighting". */
+ * may be NULL, is σ of RBF. The progress stages are "prediction", only for kriging, and
+ * "relighting". */
 gboolean relighting_leave_out(const Relighting *relighting, const struct relighting_model *model,
                               const struct work *work, float *ret_pictures, double *ret_sigma,
                               GError **error);
