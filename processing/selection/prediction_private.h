@@ -36,15 +36,18 @@ struct prediction {
                                                enum above */
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
+    /* The next three are NULL if nothing is measured. */
     double *factor;   /* n_measured²: Cholesky factor L of K, lower, columns one after another */
-    float *weights;   /* n_missing × n_measured; NULL if nothing is measured */
+    float *weights;   /* n_missing × n_measured */
     double *variance; /* n_missing: k_uu − k_uᵀ K⁻¹ k_u, without s² */
     double *squares;  /* n_pairs: mean of g² s² over the rows of probes */
     double energy;    /* Σ ρ² over all pairs, mean over the rows of probes */
-    /* Factors on variances, from cross-validation. excess_rms is the mean of squared errors over
-     * variances. With excess_95, 95 % of the errors are within 2 σ. */
+    /* Factors on variances, from cross-validation. excess_rms is the sum of the squared errors
+     * divided by the sum of the variances. With excess_95, 95 % of the errors are within 2 σ. */
     double excess_rms;
     double excess_95;
+    /* See prediction_left_out_error() and prediction_left_out_share(). NaN if nothing is
+     * measured. */
     double left_out_error, left_out_share;
 };
 
@@ -83,8 +86,9 @@ double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec
 void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);
 /* Fits the parameters of g and max_gloss to probes as in prediction_new(). like contains parameters
- * from which the fit starts; if it is NULL, the fit starts from several widths of lobes. most is
- * the maximum number of evaluations of each start. */
+ * from which the fit starts. If like is NULL or has no lobes, the fit starts from several widths of
+ * lobes. most is the maximum number of evaluations of each start. If there are too few values for a
+ * fit, g becomes the diffuser cos θ_l without lobes. */
 #define PREDICTION_MEAN_EVALUATIONS (200 * (PREDICTION_MEAN + 1))
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes, const double *like, int most);
@@ -94,8 +98,8 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
  * errors were 1.1 … 1.6 times as large as predicted. */
 #define PREDICTION_CHOSEN 1.5
 
-/* Returns the expected relative error PREDICTION_CHOSEN · √(variances / Σ ρ²), where variances is
- * the sum of the variances of ρ over missing pairs, before they are multiplied by excess_rms. */
+/* Returns the expected relative error PREDICTION_CHOSEN · √(excess_rms · variances / Σ ρ²), where
+ * variances is the sum of the variances of ρ over missing pairs. */
 double prediction_relative_error(const Prediction *prediction, double variances);
 
 /* Computes k(p, p') without ε of pairs a[i], b[j]: ret[i + n_a · j]. */
@@ -116,7 +120,9 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, const double
 /* Computes the errors e = y_B − ŷ_B of rows (n_rows × m) when the pairs of each group B are left
  * out together, and their variances without s². e_B = (K⁻¹_BB)⁻¹ (K⁻¹ y)_B, with variances the
  * diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2, extended to groups of more than one
- * pair). inverse is K⁻¹, m × m, symmetric; ret_errors is n_rows × m; ret_variances has m values. */
+ * pair). A group of more than 64 pairs is divided into parts of at most 64, which are left out
+ * separately. inverse is K⁻¹, m × m, symmetric; ret_errors is n_rows × m; ret_variances has m
+ * values. */
 void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances);
