@@ -29,16 +29,16 @@ struct synthesis_options {
 
 struct synthesis_result {
     enum synthesis_method method; /* the method by which the map was made */
-    /* order_difference() of the methods that were tried, otherwise −1 */
+    /* order_difference() of textons and quilting if they were tried, otherwise −1 */
     double order[SYNTHESIS_METHODS];
     struct order_seams seams;
     int n_features;
     double explained, relief; /* see struct texel_features */
 };
 
-/* Synthesises a map from features. Sizes and block must be valid, as checked by
- * synthesis_of_session(). Returns NULL with an error when cancelled. The progress stages are
- * "textons" and "quilting", for the methods of these names. */
+/* Synthesises a map with its mip levels from features. Free it with index_map_free(). Sizes and
+ * block must be valid, as checked by synthesis_of_session(). Returns NULL with an error when
+ * cancelled. The progress stages are "textons" and "quilting", for the methods of these names. */
 struct index_map *synthesis_of_features(const struct texel_features *features,
                                         const struct synthesis_options *options,
                                         const struct work *work, struct synthesis_result *ret,
@@ -57,6 +57,7 @@ struct index_map *synthesis_of_session(const char *path, gint64 memory,
 /* Makes the mip levels of a map from level 0. A block of level n covers up to four blocks of level
  * n − 1. Each of these gives a candidate: the square of the sample that has this smaller block at
  * the same place, moved so that it stays within the sample. The function chooses the candidate
- * whose mean in the sample is nearest to the mean of the texels in the map. The last level is the
- * one in which a block has a quarter of the sample's shorter side. */
+ * whose mean in the sample is nearest to the mean of the texels in the map. In the last level the
+ * side of a block is at most a quarter of the sample's shorter side, and at most the map's shorter
+ * side. There are at most INDEX_MAP_LEVELS levels. */
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map);
