@@ -44,15 +44,16 @@ enum maps_model { MAPS_MODEL_FULL, MAPS_MODEL_CORE };
 struct maps_fit {
     struct maps_layers layers;
     struct maps_texel *texels; /* height × width */
-    int dark;                  /* number of texels without light */
+    int dark;                  /* number of texels without light, which are black */
 };
 
-/* Fits the points of the mean surface. If layers is NULL, a layer is used if it lowers the cost of
- * a selection of texels by more than a twentieth. The error is in DATA_ERROR if all values of the
- * BTF are 0 or missing, if no view and light are both 1.2° or more above the plane of the sample,
- * or if there is not enough memory. Fails also if the scratch file of the BTF cannot be read, or if
- * cancelled. The progress stages are "layers", only if layers is NULL and the model is
- * MAPS_MODEL_FULL, "fit" and "refine". */
+/* Fits the points of the mean surface (maps_register.h). If layers is NULL, a layer is used if it
+ * lowers the cost of a selection of texels by more than a twentieth, and by more than 0.0003 for
+ * each texel on average. The cost of a texel is relative to Σ u_i² Y_i². The error is in DATA_ERROR
+ * if all values of the BTF are 0 or missing, if no view and light are both 1.2° or more above the
+ * plane of the sample, or if there is not enough memory. Fails also if the scratch file of the BTF
+ * cannot be read, or if cancelled. The progress stages are "layers", only if layers is NULL and the
+ * model is MAPS_MODEL_FULL, "fit" and "refine". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */
