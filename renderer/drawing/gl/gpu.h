@@ -25,7 +25,8 @@ gboolean gpu_find_library(gboolean window, GError **error);
 /* Makes an OpenGL context through EGL (Mesa, or the EGL platform of a graphics card), without a
  * window, and makes it current. Returns NULL on error. */
 Gpu *gpu_new_headless(GError **error);
-void gpu_free(Gpu *gpu); /* NULL is ignored */
+/* Frees the context. No context is current afterwards. NULL is ignored. */
+void gpu_free(Gpu *gpu);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
 
 /* In debug builds (GPU_DEBUG), makes each OpenGL error of the current context a critical message at
@@ -34,13 +35,15 @@ void gpu_watch(void);
 
 const char *gpu_renderer(void); /* name of the renderer of the current context, never NULL */
 
-/* Returns FALSE with an error if OpenGL has reported an error since the last check. what names the
+/* Returns FALSE with an error if OpenGL has reported an error since the last check. The error is
+ * GPU_ERROR_TOO_LARGE if the card has no memory left, otherwise GPU_ERROR_FAILED. what names the
  * operation in the message. */
 gboolean gpu_check(const char *what, GError **error);
 
-/* Compiles and links a program. names is a NULL-terminated list of embedded shaders. The first is
- * the vertex shader. All others are joined to one fragment shader. constants has lines “#define
- * NAME value”, which are put before the shaders, or is "". Returns 0 on error. */
+/* Compiles and links a program. Delete it with glDeleteProgram(). names is a NULL-terminated list
+ * of embedded shaders. The first is the vertex shader. The others, at most 14, are joined to one
+ * fragment shader. constants has lines “#define NAME value”, which are put before the shaders, or
+ * is "". Returns 0 with GPU_ERROR_PROGRAM on error. A name without a shader ends the program. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
 /* Does the same as gpu_program() in the shading language of OpenGL 4.3. Requires gpu_has_43(). */
@@ -51,7 +54,8 @@ gboolean gpu_has_43(void); /* whether the current context has OpenGL 4.3 or late
 void gpu_fill_screen(void);
 
 /* Returns a new texture with undefined contents. It is a 2D texture if layers is 0, and otherwise a
- * 2D array. The texture is clamped and unfiltered. */
+ * 2D array. The texture is clamped and unfiltered, and stays bound. Delete it with
+ * glDeleteTextures(). */
 guint gpu_texture(int internal_format, int width, int height, int layers);
 /* Does the same as gpu_texture() for a 2D array with n_levels mip levels. Each level has half the
  * width and height of the level before, but at least 1. */
@@ -61,14 +65,15 @@ guint gpu_texture_levels(int internal_format, int width, int height, int layers,
  * use. target is a GL_TEXTURE_…. Unit 0 is active afterwards. */
 void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
 
-/* Returns the bytes of all levels of a texture, computed from the format that OpenGL reports.
- * Returns 0 for texture 0. target is a GL_TEXTURE_…. */
+/* Returns the bytes of all levels of a texture, computed from the format that OpenGL reports, and
+ * leaves the texture bound. Returns 0 for texture 0. target is a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);
 
 /* Returns the width and height in texels of a level of a texture, and leaves the texture bound. */
 void gpu_texture_size(guint target, guint texture, int level, int ret[2]);
 
-/* A framebuffer with a colour texture, and with or without a depth buffer. */
+/* A framebuffer with a colour texture, and with or without a depth texture. All members are 0
+ * before the first gpu_target_resize(). */
 struct gpu_target {
     guint framebuffer, colour, depth;
     int width, height;
@@ -76,13 +81,15 @@ struct gpu_target {
 
 /* Makes textures of this size. Does nothing if the target already has this size, whatever its
  * format. The contents of new textures are undefined. Fails if the card does not support the size
- * or cannot draw into the format. */
+ * or cannot draw into the format. After an error, call gpu_target_clear() before another attempt.
+ * The framebuffer stays bound. */
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error);
+/* Deletes the framebuffer and the textures, and sets all members to 0. */
 void gpu_target_clear(struct gpu_target *target);
 
 /* Returns the picture as width × height × R, G, B bytes, top row first, or NULL on error. Free it
- * with g_free(). */
+ * with g_free(). Leaves the framebuffer bound. */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Flips a picture vertically, in place. stride is the number of bytes per row. */

@@ -6,6 +6,8 @@
  *
  *   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_{0,k(x)}(a, b) + Σ_i w_i(x) E_{i,k(x)}(a, b)).
  *
+ * k(x) is the cluster of the texel, and E_{0,k} is the mean of the cluster (lpca.h).
+ *
  * Eigen-BRDFs are half floats in the layers of one array texture. The components of a pair are
  * stored next to each other, because they are always fetched together. For c components and four
  * texels of one cluster, a pixel takes 4 fetches for directions, 1 + 4 ⌈c/4⌉ for texels and 9 (c +
@@ -25,7 +27,7 @@
 typedef struct LpcaView LpcaView; /* belongs to the thread of the GL context */
 
 /* Makes the view. levels is a local PCA and its n − 1 mip levels; see lpca_levels.h. Copies
- * everything that it needs. */
+ * everything that it needs. Returns NULL on error, for example GPU_ERROR_TOO_LARGE. */
 LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error);
 void lpca_view_free(LpcaView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaView, lpca_view_free)
