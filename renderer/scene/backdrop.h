@@ -13,13 +13,16 @@ Backdrop *backdrop_new(GError **error);
 void backdrop_free(Backdrop *backdrop); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Backdrop, backdrop_free)
 
-/* Sets the points of the mesh, n × 3. The ground lies below them. */
+/* Sets the points of the mesh, n × 3, and its radius. The ground lies at the height of the lowest
+ * point, or at 0 if all points are higher. The points are not kept. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius);
 
+/* Copies an environment map to the graphics card, in place of an earlier one. Fails if the card
+ * does not support its size. */
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 
-/* Draws the background where nothing was drawn yet, with alpha 0. The projection is computed by
+/* Draws the background, with alpha 0, where nothing was drawn yet. The projection is computed by
  * camera_matrix(). Fails if settings->backdrop is set and backdrop_set_environment() has not been
  * called, or if a program cannot be compiled. */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,

@@ -3,14 +3,15 @@
 
 #include "viewer_settings.h"
 
-/* Computes ret_projection, the column-major matrix from world to clip coordinates. *ret_eye is the
+/* Computes ret_projection, the column-major matrix from world to clip coordinates. ret_eye is the
  * position of the camera in world coordinates. radius is the radius of the mesh, in which the
  * settings give lengths. aspect is width / height. The near and far planes enclose the sphere of
- * radius reach around the origin. */
+ * radius reach around the origin, except that the near plane is at least 0.01 radius in front of
+ * the camera. */
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 
-/* Sets camera_distance and camera_pan so that all points (n × 3) just fit into the picture, with a
- * margin. Changes nothing if n is 0. */
+/* Sets camera_distance (0.01 … 1000) and camera_pan so that all points (n × 3) just fit into the
+ * picture, with a margin. Changes nothing if n is 0. */
 void camera_fit(struct viewer_settings *settings, const float *points, guint n, double radius,
                 double aspect);

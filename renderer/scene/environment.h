@@ -19,7 +19,8 @@ struct environment {
 extern const char *const environment_names[];
 
 /* Opens an environment. name is one of environment_names, or the path of a file. Returns NULL on
- * error. */
+ * error. environment_read() takes only the path of a file, and refuses a picture of another form or
+ * with a radiance outside 0 … 1e30. Free both with environment_free(). */
 struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
