@@ -5,10 +5,10 @@
  *     F0 = 0.04 s (1 − m) + c m,
  *     F90 = s (1 − m) + m.
  * c is the base colour, m the metallic part, and s the specularFactor. D and G are the terms of GGX
- * with α = roughness² and Smith's height-correlated masking (Heitz 2014). F_d is F for m = 0. Light
- * that is reflected at the surface does not reach the diffuser below it, neither on the way in nor
- * on the way out. Therefore no more light is reflected than arrives. With m = s = 0, f is exactly
- * c / π.
+ * with α = roughness², at least 0.001, and Smith's height-correlated masking (Heitz 2014). F_d is F
+ * for m = 0. Light that is reflected at the surface does not reach the diffuser below it, neither
+ * on the way in nor on the way out. Therefore no more light is reflected than arrives. With m = s =
+ * 0, f is exactly c / π.
  *
  * Directions are unit vectors in the frame of the surface, with z along its normal. All functions
  * are pure.
@@ -18,15 +18,16 @@
 #include "base/vec.h"
 
 struct trace_plain {
-    double base[3], metallic, roughness, specular;
+    double base[3], metallic, roughness, specular; /* c, m, roughness and s; 0 … 1 */
 };
 
 /* Computes f cos θ_l. It is 0 below the horizon. */
 void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, struct vec3 light,
                           double ret_rgb[3]);
 /* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)
- * for the highlight, or by the cosine for the diffuse part. Returns the density per solid angle of
- * *ret_light, or 0 if view or *ret_light is not above the horizon. */
+ * for the highlight, or by the cosine for the diffuse part. random has three numbers from 0 to 1.
+ * Returns the density per solid angle of *ret_light, or 0 if view or *ret_light is not above the
+ * horizon. *ret_light is not set if view is not above the horizon. */
 double trace_plain_draw(const struct trace_plain *plain, struct vec3 view, const double random[3],
                         struct vec3 *ret_light);
 /* Returns the density per solid angle with which trace_plain_draw() draws `light`. */
