@@ -17,9 +17,11 @@ enum series_error {
  * is not such a list or has more than SERIES_MAX numbers. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Waits until percent % of the planned views exist. Returns all planned views, an array of struct
- * planned_view. The session need not exist at first. Fails after wait_s seconds without a new view,
- * or if the capture has ended with fewer views. */
+/* Blocks until at least one of the planned views, and percent % of them, are measured. Returns all
+ * planned views, an array of struct planned_view; g_array_unref(). The session need not exist at
+ * first. Fails with SERIES_ERROR_TIMEOUT after wait_s seconds without a new view, or with the error
+ * of live_views() if the views cannot be read then. Fails with SERIES_ERROR_ENDED if the capture
+ * has ended and was processed with fewer views. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

@@ -70,7 +70,8 @@ struct setting {
 extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
 /* Fills ret with the option entries of all rows except SETTING_OTHER. The entries set fields of
- * options. ret must have room for SETTINGS entries. Returns the number of entries. */
+ * options. ret must have room for SETTINGS entries, and gets no entry that ends the list. Returns
+ * the number of entries. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
 /* The size of a picture in pixels, its samples per pixel in each direction, the number of
@@ -80,6 +81,7 @@ struct settings_picture {
     int width, height, samples, n_lamps;
     gboolean live;
 };
-/* Returns the command that writes this picture, quoted for a shell. Free it with g_free(). */
+/* Returns the command that writes this picture to picture.png, quoted for a shell. Free it with
+ * g_free(). */
 char *settings_command(const struct viewer_options *options,
                        const struct settings_picture *picture);

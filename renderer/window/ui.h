@@ -11,8 +11,9 @@
 typedef struct Ui Ui;
 struct GLFWwindow;
 
-/* Makes the controls. Call this function after the window's own callbacks are set. The window's
- * callbacks are still called; see ui_wants_mouse() and ui_wants_keyboard(). */
+/* Makes the controls, once per program. The window's GL context must be current. Call this function
+ * after the window's own callbacks are set. The window's callbacks are still called; see
+ * ui_wants_mouse() and ui_wants_keyboard(). */
 Ui *ui_new(struct GLFWwindow *window);
 void ui_free(Ui *ui); /* NULL is ignored */
 
@@ -23,8 +24,9 @@ void ui_end(Ui *ui); /* draws into the window's framebuffer */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
-/* Returns the framebuffer pixels per unit of all lengths below: 1, or more on a display of high
- * resolution. */
+/* Returns the factor by which fonts and controls are enlarged: 1, or up to 4 on a display of high
+ * resolution. Lengths below are in units of the window (screen coordinates of GLFW). The caller
+ * multiplies a length by this factor if it should have the same size on each display. */
 float ui_scale(void);
 
 /* Begin a window of controls. ui_panel_begin(): a panel that fills a rectangle and scrolls.
@@ -41,6 +43,7 @@ void ui_button_begin(struct ui_box at); /* a window without a frame, for a butto
 void ui_end_window(void);
 void ui_same_line(void);
 void ui_column(float x); /* the next control is in the same line, at x */
+/* Adds a horizontal line with space above and below it. */
 void ui_gap(void);
 gboolean ui_section(const char *title, gboolean open); /* returns whether the section is unfolded */
 
@@ -66,14 +69,16 @@ void ui_list_begin(const char *name, float height);
 gboolean ui_row(const char *text, gboolean marked);
 void ui_list_end(void);
 
-/* Adds a line of text input, as wide as its dialog. If focus is TRUE, the line takes the keyboard.
- * The window handles Enter, because a control misses a key that is pressed and released between two
- * pictures. */
+/* Adds a line of text input, as wide as its dialog. text has room for size bytes, including the
+ * NUL. If focus is TRUE, the line takes the keyboard. The window handles Enter, because a control
+ * misses a key that is pressed and released between two pictures. */
 void ui_line(const char *name, char *text, gsize size, gboolean focus);
 
+/* Draws a 2D texture, which must exist until ui_end(). */
 void ui_picture(guint texture, float width, float height);
 
-/* Draws bars of red, green and blue over each other: 3 × n values, 0 … 1. */
+/* Draws bars of red, green and blue over each other: n values of red, then of green, then of blue,
+ * 0 … 1. */
 void ui_histogram(const float *values, int n, float width, float height);
 
 /* The kinds of directions that ui_hemisphere() draws as dots on the hemisphere, seen from above.
