@@ -64,7 +64,7 @@ struct VirtualU3v {
     guint8 answer[U3V_MAX_TRANSFER];
     int answer_size;           /* 0 if no answer waits */
     gint64 answer_us;          /* time from which the answer can be read */
-    struct imager_picture out; /* picture that is being sent; its data is a copy */
+    struct imager_picture out; /* picture that is being sent; its data is a copy; NULL at first */
     enum u3v_phase phase;
     gsize sent;                         /* bytes of the picture's payload that were sent */
     gboolean tailless, stunted, hollow; /* faults of this picture (imager.h) */
@@ -94,7 +94,10 @@ static inline guint32 u3v_reg(const VirtualU3v *camera, guint address) {
 
 /* u3v_control.c */
 extern const struct imager_transport u3v_transport;
-void u3v_reset(VirtualU3v *camera); /* registers get their initial values */
+/* Gives registers their initial values, and discards the answer and the picture. */
+void u3v_reset(VirtualU3v *camera);
+/* Carries out a command of n bytes and makes its answer. An earlier answer that was not read is
+ * lost. A command that is not understood is not answered. Returns n. */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n);
 /* Moves the waiting answer to data. Returns its length, -EAGAIN if no answer is due, or -EOVERFLOW
  * if size is too small. */
@@ -105,4 +108,4 @@ extern const struct imager_bus u3v_bus;
 /* Fills data with the next transfer. Returns its length, -EAGAIN if there is nothing to send, or
  * -EOVERFLOW if size is too small. */
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
-void u3v_drop(VirtualU3v *camera); /* discards data that was not sent */
+void u3v_drop(VirtualU3v *camera); /* discards the rest of the picture that was not sent */
