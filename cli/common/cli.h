@@ -55,7 +55,7 @@ extern gboolean cli_json;    /* --json was given */
 extern gboolean cli_streams; /* streams of the command that runs */
 extern gboolean cli_force;   /* --force was given: an output may replace an existing file */
 
-/* Calls output_file_new(), with --force if it was given. To be called before long work. */
+/* Calls output_file_new(), with --force if it was given. Call it before long work. */
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
 /* Calls output_file_new_locked(), with --force if it was given. */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);

@@ -62,6 +62,6 @@ void record_begin_list(Record *to, const char *key);
 void record_begin(Record *to, const char *key);
 void record_end(Record *to);
 
-/* Prints the values as a line of JSON, or the text for people. An empty record prints nothing. To
- * be called once; nothing may be added afterwards. */
+/* Prints the values as a line of JSON, or the text for people. An empty record prints nothing. Call
+ * it once, and add nothing afterwards. */
 void record_print(Record *record, gboolean json);
