@@ -1,7 +1,8 @@
 /*
  * The guardian: a small process that makes the rig safe when the daemon cannot. It acts when the
  * daemon has died without reporting that the rig is safe. It also acts when the daemon's main loop
- * hangs; it then kills the daemon first. It commands the devices until every device is safe.
+ * hangs, which means that no heartbeat has come for 4.5 s. It then kills the daemon first. It
+ * commands the devices until every device is safe.
  *
  * A timer of the default main context sends the guardian a heartbeat four times a second. The timer
  * uses real time, even if the rig has another clock. The guardian answers each heartbeat. A
