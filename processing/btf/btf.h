@@ -37,7 +37,7 @@ struct btf_light {
     double theta_deg, phi_deg;
     const struct rig_arc *arc; /* borrowed, as is lamp */
     const struct rig_lamp *lamp;
-    /* NULL or not `known` if the lamp is not calibrated */
+    /* NULL for a missing light; not `known` if the lamp is not calibrated */
     const struct radiometry_lamp *radiometry;
     double arc_rad;
     double turntable_rad; /* angle in the middle of the exposure; for a missing light, the angle of
@@ -58,7 +58,7 @@ struct btf_view {
     /* noise of the camera; NULL if it is unknown, so that the errors of all values are unknown */
     const struct transfer *noise;
     /* RMS distance in the picture between where the camera sees points of the calibration target
-     * and where the calibrated camera model puts these points */
+     * and where the calibrated camera model puts these points; 0 if the camera is not calibrated */
     double misregistration_px;
     double turntable_rad;
     struct session_grid grid;
@@ -66,7 +66,9 @@ struct btf_view {
     /* Number of missing lights, including lights that were left out. Without the lights that were
      * left out, it is at most the share BTF_MAX_MISSING of all lights. */
     int n_missing;
-    char *inputs; /* hash of all members above */
+    /* Hash of all that the file is made from: versions of program and method, calibration, grid,
+     * view, and the frames and outputs of the lights. See btf_is_made(). */
+    char *inputs;
 };
 
 void btf_view_free(struct btf_view *view); /* NULL is ignored */
