@@ -17,11 +17,12 @@ WebglFile *webgl_file_new(void);
 void webgl_file_free(WebglFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 
-/* Compresses size bytes of data and adds them as a section at the end. */
+/* Compresses size bytes of data and adds them as a section at the end. All compressed sections
+ * together must have less than 4 GiB, otherwise the program ends. */
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* Returns the whole file. To be called once, after all sections are added. info is a dictionary
+/* Returns the whole file. Call it once, after all sections are added. info is a dictionary
  * with string keys, which becomes the header with "sections" added. If info is floating, the
  * function takes the reference. g_bytes_unref() */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);
