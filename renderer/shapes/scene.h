@@ -13,8 +13,8 @@
 GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
-    /* The file is neither OBJ nor glTF, or damaged, or all its positions are the same, or it does
-     * not have a material that --material names. */
+    /* The file is neither OBJ nor glTF, or damaged, or all its positions are the same, or
+     * --material names a material that it does not have, or names one twice. */
     SCENE_ERROR_FORMAT,
     SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
@@ -79,10 +79,10 @@ struct mesh *scene_make(const char *name, const struct scene_options *options, G
 
 /* Makes a plane: −1 … 1 in x and y, normal +z. */
 struct mesh *scene_plane(void);
-/* Makes a torus around z. u increases around the axis, v around the tube from its outermost circle
- * upwards. */
+/* Makes a torus around z of n_around × n_tube quadrilaterals. u increases around the axis, v around
+ * the tube from its outermost circle upwards. */
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
-struct mesh *scene_sphere(void); /* radius 1 */
+struct mesh *scene_sphere(void); /* radius 1; u increases around z, v from bottom to top */
 
 /* Reads a Wavefront OBJ: v, vt, vn and f with any number of corners (convex polygons). Negative
  * indices are allowed. Other statements are ignored. Missing normals are computed. The mesh is
