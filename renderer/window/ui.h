@@ -53,6 +53,7 @@ gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);
 void ui_note(const char *text); /* shows highlighted text */
+/* *chosen is an index of names. format is for printf() with a double. */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
 /* Adds a slider with a logarithmic scale. low must be above 0. */
