@@ -13,8 +13,8 @@
  *
  *   Ŷ_j = Σ_{i≠j} w_ij Y_i,
  *
- * so that n fits become one. Y is encoded as sRGB, which the files of RTI store, so that components
- * and fits have the errors that a person sees. With n lights and k terms:
+ * so that one fit is sufficient instead of n fits. Y is encoded as sRGB, which the files of RTI
+ * store, so that components and fits have the errors that a person sees. With n lights and k terms:
  *
  *   PTM      lx², ly², lx ly, lx, ly, 1 (Malzbender et al. 2001), by least squares
  *   HSH      4, 9 or 16 terms of hsh.h (Gautron et al. 2004), by least squares. With A (n × k) the
