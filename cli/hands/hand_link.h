@@ -33,7 +33,8 @@ gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, G
 char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error);
 
 /* Lease of a light in seconds, as hand_light() begins it. The light goes off after this time unless
- * hand_snap(), hand_light(), hand_light_for() or hand_renew() is called. */
+ * the lease is renewed. hand_snap() and hand_renew() renew leases, and hand_light() and
+ * hand_light_for() renew them while they wait. */
 #define HAND_LEASE_S 30
 
 /* Each function calls the daemon's method of the same purpose and waits for the answer. hand_snap()
