@@ -23,8 +23,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
  *     size   bytes, as g_format_size() writes them
  *
  * The key may be empty: "{:time}" only changes the text. The conversions are %d, %i and %u (with l
- * or ll for an integer of 64 bits), %f, %g, %s, %c and %%. Any other conversion ends the program.
- * Widths of strings count characters, not bytes. A NULL string is "". */
+ * or ll for an integer of 64 bits), %f, %g, %s, %c and %%. Another letter ends the program. Widths
+ * of strings count characters, not bytes. A NULL string is "". */
 void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 /* The same as record_say(), but without the text if said is FALSE. The values are added in either
