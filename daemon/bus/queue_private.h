@@ -5,7 +5,7 @@
 
 struct Queue {
     char *path, *folder, *name; /* path of the file, its folder and its name in the folder */
-    int lock;                   /* file descriptor of the lock of FILE.lock */
+    int lock;                   /* file descriptor of FILE.lock, which is locked */
     guint next_id;
     char *paused;     /* reason why the queue is paused; NULL if it is not */
     GPtrArray *items; /* of struct queue_item, in the order of the queue */
