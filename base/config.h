@@ -13,7 +13,7 @@
 
 #include "mistakes.h"
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define CONFIG_ERROR config_error_quark()
 GQuark config_error_quark(void); /* its errors carry details: base/error_details.h */

@@ -2,7 +2,7 @@
  * uses this domain. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define DATA_ERROR data_error_quark()
 GQuark data_error_quark(void);

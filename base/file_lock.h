@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 /* Takes the lock at path without waiting for another holder. Returns a descriptor for
  * file_lock_give(), or −1 with an error, which is G_IO_ERROR_BUSY if another process holds the

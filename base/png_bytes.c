@@ -1,5 +1,6 @@
 #include "png_bytes.h"
 
+#include <gio/gio.h>
 #include <png.h>
 
 GBytes *png_bytes(const guint8 *rgb, int width, int height, GError **error) {

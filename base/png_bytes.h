@@ -1,7 +1,7 @@
 /* Pictures as PNG. Any thread may call the functions. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 /* Returns a whole PNG file with 8 bits of sRGB per channel. rgb has height rows of width pixels of
  * R, G, B, the top row first. Returns NULL with an error if the size is zero or too large. */

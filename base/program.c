@@ -3,6 +3,7 @@
 #include "help_text.h"
 #include "nearest.h"
 
+#include <gio/gio.h>
 #include <locale.h>
 #include <stdlib.h>
 

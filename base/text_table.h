@@ -10,7 +10,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct TextTable TextTable;
 

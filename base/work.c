@@ -1,6 +1,7 @@
 #include "work.h"
 
 #include <cblas.h>
+#include <gio/gio.h>
 
 #define REPORT_US (G_USEC_PER_SEC / 10)
 

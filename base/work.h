@@ -7,7 +7,10 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
+
+/* From <gio/gio.h>, which takes longer to compile than most files that include this header. */
+typedef struct _GCancellable GCancellable;
 
 struct work_progress {
     const char *stage; /* "verify", "btf", "mdf", "eigenmaps", "read", … */

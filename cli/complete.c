@@ -3,6 +3,7 @@
  * is a file of that suffix, FILE, SOURCE, A and B are any file, RIG and SESSION are configuration
  * files or folders. Other names have no candidates, unless the type of the option is a file name:
  * then any file is a candidate. */
+#include <gio/gio.h>
 #include <stdio.h>
 #include <string.h>
 

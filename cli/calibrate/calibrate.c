@@ -9,6 +9,7 @@
 #include "pictures/vision.h"
 #include "session/inputs.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -6,6 +6,7 @@
 #include "cameras/cameras.h"
 #include "pictures/picture_says.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #define MAX_PICTURES   20000

@@ -8,6 +8,8 @@
 #include "sessions/info.h"
 #include "unattended.h"
 
+#include <gio/gio.h>
+
 /* SAFE_WAIT_US is the longest time for which “safe” repeats its request, if devices have not
  * confirmed. SAFE_PAUSE_US is the pause between two requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)

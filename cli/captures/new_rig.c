@@ -6,6 +6,7 @@
 #include "rig/finder.h"
 #include "rig/lamp_places.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

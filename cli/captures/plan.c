@@ -10,6 +10,8 @@
 #include "plan/report.h"
 #include "rig/devices.h"
 
+#include <gio/gio.h>
+
 static char *output, *calibration, *curve, *like;
 static gboolean offline;
 static const GOptionEntry entries[] = {

@@ -1,3 +1,4 @@
+#include <gio/gio.h>
 #include <string.h>
 
 #include "unattended.h"

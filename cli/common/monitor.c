@@ -5,6 +5,7 @@
 #include "progress.h"
 #include "watching.h"
 
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <signal.h>
 #include <string.h>

@@ -3,7 +3,7 @@
  * the functions. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 /* Begins a page, with its style. A table in an element of the class "wide" can be scrolled. Cells
  * of the class "n" have numbers. The classes "pass", "warning", "failure" and "faint" are colours.

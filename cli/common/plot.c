@@ -1,6 +1,7 @@
 #include "plot.h"
 
 #include <cairo-svg.h>
+#include <gio/gio.h>
 #include <math.h>
 
 static gboolean is_svg(const char *path) {

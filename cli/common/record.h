@@ -2,7 +2,7 @@
  * result once, and cli.c prints one of the two. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct Record Record;
 

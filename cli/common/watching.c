@@ -2,6 +2,7 @@
 
 #include "picture.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 #include <unistd.h>

@@ -4,6 +4,7 @@
 #include "plan/report.h"
 #include "progress.h"
 
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <signal.h>
 #include <time.h>

@@ -4,6 +4,8 @@
 #include "exchange.h"
 #include "maps/maps.h"
 
+#include <gio/gio.h>
+
 #define MEMORY G_GINT64_CONSTANT(4000000000)
 #define MEMORY_ENTRY                                                                               \
     {                                                                                              \

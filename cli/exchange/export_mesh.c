@@ -1,6 +1,8 @@
 /* export mesh: writes the surface of a session's material as a closed mesh. */
 #include "formats/export_mesh.h"
 
+#include <gio/gio.h>
+
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

@@ -1,6 +1,8 @@
 /* export: writes the products of a session for other programs. */
 #include "exchange.h"
 
+#include <gio/gio.h>
+
 #include "base/options.h"
 
 static gboolean has_output(const char *output, GError **error) {

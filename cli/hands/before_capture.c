@@ -1,5 +1,6 @@
 #include "before_capture.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 #include "auto_exposure.h"

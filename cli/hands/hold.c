@@ -1,4 +1,5 @@
 /* lamp, laser, move, home: use one device by hand. */
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <math.h>
 #include <signal.h>

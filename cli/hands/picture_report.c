@@ -1,5 +1,6 @@
 #include "picture_report.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #include "base/output_file.h"

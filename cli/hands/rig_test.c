@@ -1,4 +1,5 @@
 /* test: uses every device of a rig once and reports the result. */
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

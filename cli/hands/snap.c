@@ -1,4 +1,5 @@
 /* snap and live: show the picture of a camera. */
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <signal.h>
 #include <stdio.h>

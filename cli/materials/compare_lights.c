@@ -4,6 +4,7 @@
 #include "common/work.h"
 #include "relighting/relighting.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 /* Sizes of RBF and kriging are those of PTM (18 numbers), of HSH with 9 terms (27), and all

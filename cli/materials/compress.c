@@ -6,6 +6,7 @@
 #include "common/work.h"
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <unistd.h>
 

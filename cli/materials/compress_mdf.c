@@ -3,6 +3,7 @@
 #include "compress.h"
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 
 struct mdf_compression {

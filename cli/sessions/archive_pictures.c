@@ -4,6 +4,7 @@
 #include "base/png_bytes.h"
 #include "btf/btf.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -7,6 +7,7 @@
 #include "btf/btf_sigma.h"
 #include "mdf/mdf_views.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

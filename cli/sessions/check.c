@@ -11,6 +11,8 @@
 #include "session/session.h"
 #include "sessions.h"
 
+#include <gio/gio.h>
+
 static char *plot_option;
 
 /* Returns whether the folder contains views. In a session of sweeps only, the folder exists without

@@ -1,6 +1,8 @@
 /* The error of interpolation between the measured directions of a BTF. */
 #include "check.h"
 
+#include <gio/gio.h>
+
 #include "codecs/codec/held_out.h"
 
 #define TEXELS 1024 /* maximum number of texels that are compared */

@@ -15,6 +15,7 @@
 #include "plan/adaptive/adaptive.h"
 #include "plan/report.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -8,6 +8,7 @@
 #include "history.h"
 #include "sessions.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 #include <unistd.h>

@@ -2,7 +2,7 @@
  * may call the function. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define BUS_CALLER_GROUPS 256 /* maximum number of groups of a user; further ones are ignored */
 

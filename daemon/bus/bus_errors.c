@@ -1,5 +1,7 @@
 #include "bus_errors.h"
 
+#include <gio/gio.h>
+
 #include "drivers/device.h"
 #include "geometry/rig.h"
 #include "plan/plan.h"

@@ -1,5 +1,6 @@
 #include "bus_rig.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 #include "bus_devices.h"

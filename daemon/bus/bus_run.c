@@ -1,5 +1,6 @@
 #include "bus_run.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -3,6 +3,7 @@
 #include "base/program.h"
 #include "bus_errors.h"
 
+#include <gio/gio.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>

@@ -1,5 +1,6 @@
 #include "bus_unattended.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 #include "bus_errors.h"

@@ -3,6 +3,7 @@
 #include "base/program.h"
 #include "bus_errors.h"
 
+#include <gio/gio.h>
 #include <signal.h>
 #include <string.h>
 #include <unistd.h>

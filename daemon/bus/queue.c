@@ -1,6 +1,7 @@
 #include "queue_private.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -12,7 +12,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define QUEUE_MAX       200        /* largest number of sessions, including those that have ended */
 #define QUEUE_MAX_BYTES (32 << 20) /* largest size of the file */

@@ -1,5 +1,6 @@
 #include "capture_private.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #include "capture_calibration.h"

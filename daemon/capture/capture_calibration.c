@@ -2,6 +2,7 @@
 
 #include "base/config.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,

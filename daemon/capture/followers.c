@@ -2,6 +2,7 @@
 
 #include "base/program.h"
 
+#include <gio/gio.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>

@@ -4,7 +4,7 @@
  * thread. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct Followers Followers;
 

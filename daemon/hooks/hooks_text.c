@@ -1,6 +1,7 @@
 /* Describes an event in words, for users and for programs. */
 #include "hooks.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 #include "base/json.h"

@@ -1,6 +1,8 @@
 /* Detects that a rig file and a session file were exchanged. */
 #include "plan.h"
 
+#include <gio/gio.h>
+
 #include "base/config.h"
 
 /* Returns whether the file has the section [one] and not the section [other]. Returns FALSE if the

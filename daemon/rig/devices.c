@@ -2,6 +2,7 @@
 
 #include "lamp_places.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 /* Time limit of devices_secure(). It is longer than the time for which any class waits until a

@@ -10,6 +10,7 @@
 
 #include "drivers/camera.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 static gboolean vision_scan(GPtrArray *to, GError **error) {

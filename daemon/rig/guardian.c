@@ -5,6 +5,7 @@
 #include "safe_state.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <poll.h>
 #include <signal.h>
 #include <string.h>

@@ -2,6 +2,7 @@
 
 #include "base/program.h"
 
+#include <gio/gio.h>
 #include <string.h>
 #include <sys/resource.h>
 

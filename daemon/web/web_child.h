@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define WEB_CHILD_LIMIT_S 1800 /* maximum duration; the process is then ended */
 

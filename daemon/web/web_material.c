@@ -1,5 +1,6 @@
 #include "web_material.h"
 
+#include <gio/gio.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <time.h>

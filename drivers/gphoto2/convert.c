@@ -3,6 +3,7 @@
 #include "pictures/picture_read.h"
 #include "pictures/raw.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

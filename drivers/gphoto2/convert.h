@@ -6,7 +6,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define CONVERT_BITS 16
 /* Values in the PGM of a pixel that is black in the raw file, and of one that is white or

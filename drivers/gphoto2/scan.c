@@ -3,6 +3,7 @@
 
 #include "base/program.h"
 
+#include <gio/gio.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>

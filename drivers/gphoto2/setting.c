@@ -1,5 +1,7 @@
 #include "setting.h"
 
+#include <gio/gio.h>
+
 #include "setting_text.h"
 
 #define AGAIN_US  20000

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 #include <gphoto2/gphoto2.h>
 
 /* Returns the value as a text, or NULL if the camera has no such setting. Free it with g_free(). */

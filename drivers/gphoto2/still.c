@@ -5,6 +5,7 @@
 
 #include "pictures/raw.h"
 
+#include <gio/gio.h>
 #include <gphoto2/gphoto2-setting.h>
 
 #include <errno.h>

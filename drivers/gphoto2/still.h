@@ -12,7 +12,7 @@
  */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct Still Still;
 

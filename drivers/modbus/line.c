@@ -5,6 +5,7 @@
 #include "serial.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <linux/sockios.h>
 #include <modbus/modbus.h>
 #include <poll.h>

@@ -4,6 +4,7 @@
 #include "drivers/recording.h"
 #include "udp.h"
 
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <unistd.h>
 

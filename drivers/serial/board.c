@@ -5,6 +5,7 @@
 #include "modbus/address.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <math.h>
 #include <poll.h>

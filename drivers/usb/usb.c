@@ -4,6 +4,7 @@
 #include "drivers/lock.h"
 #include "drivers/recording.h"
 
+#include <gio/gio.h>
 #include <libusb.h>
 #include <string.h>
 

@@ -7,6 +7,7 @@
 #include "drivers/lock.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <math.h>
 #include <stdlib.h>

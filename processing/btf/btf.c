@@ -1,6 +1,7 @@
 /* Reads the files of the BTF's views. btf_make.c makes these files. */
 #include "btf.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -4,6 +4,7 @@
  * from the parts of other lights. */
 #include "btf.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

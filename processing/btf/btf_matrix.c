@@ -1,6 +1,7 @@
 /* Reads a session's views into values[texel][view][light][colour], or into a scratch file
  * [view][texel][light][colour]. Each view is compared with the first view, and its holes are filled
  * (btf_holes.c). */
+#include <gio/gio.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

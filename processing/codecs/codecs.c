@@ -7,6 +7,7 @@
 #include "neural/neural_codec.h"
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 const struct codec *const codecs[] = {

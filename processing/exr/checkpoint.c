@@ -2,6 +2,7 @@
  * inputs decides whether a file belongs to the computation. A hash of each array detects damage. */
 #include "checkpoint.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 #include <xxhash.h>

@@ -11,7 +11,7 @@
  * do at the same time. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct Checkpoint Checkpoint;
 

@@ -7,7 +7,7 @@
  * one call at a time may use the same file. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define EXR_MAX_PIXELS   (1 << 28) /* maximum number of pixels of one channel of one part */
 #define EXR_MAX_CHANNELS 64

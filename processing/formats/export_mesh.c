@@ -1,5 +1,6 @@
 #include "export_mesh.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -8,6 +8,7 @@
  * white is 1 instead of 2^bits − 1. */
 #include "import_poses_private.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -3,6 +3,7 @@
 
 #include "base/data_error.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -7,6 +7,7 @@
 #include "nominal.h"
 #include "poses_table.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -3,6 +3,7 @@
  * tangents to its neighbours on the same surface. */
 #include "surface_points.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

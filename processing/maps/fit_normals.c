@@ -1,5 +1,6 @@
 #include "fit_normals.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -1,5 +1,6 @@
 #include "light_normals.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

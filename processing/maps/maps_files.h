@@ -2,7 +2,7 @@
  * FALSE, either all of them appear or none. Any thread. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef GPtrArray MapsFiles;
 

@@ -1,3 +1,4 @@
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <stdlib.h>

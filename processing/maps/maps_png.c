@@ -1,5 +1,6 @@
 #include "maps_png.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <png.h>
 

@@ -1,7 +1,7 @@
 /* Encodes pictures with 1, 3 or 4 channels as PNG. Any thread. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 /* Returns the bytes of a PNG file. values is height × width × channels (1 grey, 3 RGB, 4 RGBA),
  * with row 0 at the top. Values are clamped to 0 … 1. bits is 8 or 16. If srgb is TRUE, grey or R,

@@ -1,5 +1,6 @@
 #include "maps_store.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>

@@ -4,7 +4,7 @@
 #include "base/vec.h"
 #include "mdf_lines.h"
 
-#include <gio/gio.h>
+#include <glib.h>
 
 struct mdf_eye {           /* a view */
     double centre_mm[3];   /* camera centre, sample frame */

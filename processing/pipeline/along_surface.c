@@ -2,6 +2,7 @@
  * session takes when it is made. Then the values are computed one view after the other. */
 #include "along_surface.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

@@ -7,6 +7,7 @@
 #include "calibration/calibration.h"
 #include "formats/nominal.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -2,6 +2,7 @@
  * all views are set together. */
 #include "mdf_product.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

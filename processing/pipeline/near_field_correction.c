@@ -3,6 +3,7 @@
  * second file are the result. Memory therefore only holds some views and blocks. */
 #include "near_field_correction.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -3,6 +3,7 @@
 #include "pipeline.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <malloc.h>
 #include <math.h>
 #include <string.h>

@@ -20,7 +20,7 @@
 #include "base/camera_set.h"
 #include "base/work.h"
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define SESSION_FORMAT 1
 

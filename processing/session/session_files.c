@@ -9,6 +9,7 @@
 #include "exr/exr.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <stdint.h>
 #include <string.h>
 #include <sys/stat.h>

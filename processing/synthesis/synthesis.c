@@ -1,6 +1,7 @@
 #include "synthesis.h"
 
 #include <float.h>
+#include <gio/gio.h>
 #include <string.h>
 
 #include "base/data_error.h"

@@ -2,6 +2,7 @@
  * frames with the same exposure, in the dark and under a lamp. */
 #include "tile_noise.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

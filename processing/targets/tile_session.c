@@ -3,6 +3,7 @@
  * tile are calibrated with this radiometry. */
 #include "tile_session.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -2,6 +2,7 @@
 
 #include "base/json.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 #define MAGIC "mesoweb2"

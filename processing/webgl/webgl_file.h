@@ -9,7 +9,7 @@
  * One thread at a time. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct WebglFile WebglFile;
 

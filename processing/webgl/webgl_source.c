@@ -1,5 +1,7 @@
 #include "webgl_source.h"
 
+#include <gio/gio.h>
+
 #include "base/data_error.h"
 #include "codecs/codecs.h"
 #include "codecs/lpca/lpca_pack.h"

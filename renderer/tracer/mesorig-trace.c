@@ -6,6 +6,7 @@
 #include "scene/environment.h"
 #include "shapes/scene_parts.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>

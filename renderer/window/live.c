@@ -1,5 +1,7 @@
 #include "live.h"
 
+#include <gio/gio.h>
+
 #include "exr/exr.h"
 #include "live_pictures.h"
 #include "scene/reference.h"

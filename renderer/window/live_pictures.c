@@ -3,6 +3,7 @@
 #include "partial/partial_forecast.h"
 #include "partial/shared_exponent.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

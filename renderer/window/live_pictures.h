@@ -5,9 +5,8 @@
  */
 #pragma once
 
+#include "base/work.h"
 #include "codecs/eigenmaps/eigenmaps.h"
-
-#include <gio/gio.h>
 
 typedef struct LivePictures LivePictures;
 

@@ -5,6 +5,7 @@
 #include "exr/exr.h"
 
 #include <epoxy/gl.h>
+#include <gio/gio.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 

@@ -1,5 +1,7 @@
 #include "recent.h"
 
+#include <gio/gio.h>
+
 #define APPLICATION "mesorig-view"
 
 static char *recent_path(void) {

@@ -1,5 +1,7 @@
 #include "scene_files.h"
 
+#include <gio/gio.h>
+
 #include "drawing/methods/methods.h"
 #include "scene/file_kind.h"
 

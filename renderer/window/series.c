@@ -2,6 +2,7 @@
 
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <stdlib.h>
 
 G_DEFINE_QUARK(series - error, series_error)

@@ -2,6 +2,7 @@
 
 #include "scene/environment.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>

@@ -3,6 +3,7 @@
 #include "drawing/methods/methods.h"
 #include "scene/file_kind.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -3,6 +3,7 @@
 #include "window_private.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <string.h>
 
 #define MAX_FILES 5000 /* largest number of rows */

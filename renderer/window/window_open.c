@@ -3,6 +3,7 @@
 #include "scene_files.h"
 #include "window_private.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 /* Returns a method for which the session has a product: the present method, or that of the session.

@@ -7,6 +7,7 @@
 #include "scene/picture.h"
 
 #define GLFW_INCLUDE_NONE
+#include <gio/gio.h>
 #include <GLFW/glfw3.h>
 #include <string.h>
 #include <unistd.h>

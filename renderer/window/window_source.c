@@ -5,6 +5,7 @@
 #include "series.h"
 
 #include <epoxy/gl.h>
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

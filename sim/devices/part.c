@@ -1,5 +1,7 @@
 #include "part.h"
 
+#include <gio/gio.h>
+
 #include "world/world.h"
 
 void sim_part_check(const struct config_section *section, const char *world_path, const char *key,

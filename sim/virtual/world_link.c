@@ -1,5 +1,6 @@
 #include "world_link.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 static const struct {

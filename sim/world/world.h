@@ -15,7 +15,7 @@
 #include "base/options.h"
 #include "drivers/frame.h"
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define WORLD_MAX_CAMERAS 256
 #define WORLD_MAX_LAMPS   1024

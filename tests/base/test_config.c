@@ -2,6 +2,7 @@
 #include "drivers/frame.h"
 #include "lib/test.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <locale.h>
 #include <string.h>

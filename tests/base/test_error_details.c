@@ -2,6 +2,8 @@
 #include "drivers/device.h"
 #include "lib/test.h"
 
+#include <gio/gio.h>
+
 TEST(parts) {
     g_autoptr(GError) error = NULL;
     device_error_set(&error, DEVICE_ERROR_TIMEOUT, "axis arc",

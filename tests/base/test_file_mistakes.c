@@ -8,6 +8,7 @@
 #include "rig/devices.h"
 #include "world/world.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <stdio.h>
 #include <string.h>

@@ -5,6 +5,7 @@
 #include "frames/rectify.h"
 #include "measurement_rig.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

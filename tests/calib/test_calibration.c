@@ -3,6 +3,7 @@
 #include "calibration/calibration.h"
 #include "lib/test.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

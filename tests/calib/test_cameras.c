@@ -4,6 +4,8 @@
  */
 #include "lib/calibration_fixture.h"
 
+#include <gio/gio.h>
+
 #include "base/residual.h"
 #include "cameras/board_find.h"
 #include "lib/ok.h"

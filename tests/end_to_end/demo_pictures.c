@@ -1,6 +1,7 @@
 #include "demo_pictures.h"
 
 #include <cairo.h>
+#include <gio/gio.h>
 #include <math.h>
 
 /* Pixels; LINE: of a line of text; PANEL: at most the width of a picture of the MDF. */

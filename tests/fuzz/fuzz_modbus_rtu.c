@@ -4,6 +4,7 @@
 #include "fuzz_modbus_ask.h"
 
 #include <fcntl.h>
+#include <gio/gio.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>

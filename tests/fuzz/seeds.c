@@ -17,6 +17,7 @@
 #include "lib/waves_fixture.h"
 #include "lib/write_dng.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <sqlite3.h>
 #include <string.h>

@@ -11,6 +11,7 @@
 #include "serial/devices.h"
 
 #include <fcntl.h>
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 #include <sys/mman.h>

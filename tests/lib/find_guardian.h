@@ -1,7 +1,7 @@
 /* Finds the guardian of a rig that a daemon has opened (rig/guardian.h). */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 #include <string.h>
 #include <sys/types.h>
 

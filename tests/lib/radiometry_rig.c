@@ -1,6 +1,8 @@
 #include "radiometry_rig.h"
 #include "lib/capture_steps.h"
 
+#include <gio/gio.h>
+
 static void radiometry_rig_axis(GString *text, const char *name, const char *keys) {
     g_string_append_printf(text,
                            "[axis %s]\ndriver=sim-axis\nworld=world.conf\npart=%s\nwraps=yes\n"

@@ -1,6 +1,7 @@
 #include "view_fixture.h"
 #include "lib/ok.h"
 
+#include <gio/gio.h>
 #include <png.h>
 
 struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t) {

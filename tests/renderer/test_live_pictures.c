@@ -8,6 +8,7 @@
 #include "window/live_pictures.h"
 #include "window/series.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 enum { VIEWS = 16, LIGHTS = 16, TEXELS = 8, COLUMN = LIGHTS * TEXELS * TEXELS * 3 };

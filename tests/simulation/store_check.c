@@ -1,5 +1,6 @@
 #include "store_check.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <sqlite3.h>
 #include <string.h>

@@ -1,5 +1,6 @@
 #include "intake.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <sys/resource.h>
 

@@ -1,6 +1,7 @@
 #include "intake_write.h"
 
 #include <errno.h>
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

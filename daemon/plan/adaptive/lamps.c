@@ -1,5 +1,6 @@
 #include "lamps_private.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #include "frames/rectify.h"

@@ -4,6 +4,7 @@
 #include "btf/near_field.h"
 #include "mdf/mdf_table.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #define SAME_DEG 0.01F /* views of BTF and MDF are the same if their angles differ by less */

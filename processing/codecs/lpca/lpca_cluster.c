@@ -1,4 +1,5 @@
 #include <cblas.h>
+#include <gio/gio.h>
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>

@@ -11,7 +11,7 @@
  * saw have the depths of their neighbours. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #include "mdf/mdf_table.h"
 

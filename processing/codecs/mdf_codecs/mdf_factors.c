@@ -4,6 +4,7 @@
 #include "base/plural.h"
 
 #include <cblas.h>
+#include <gio/gio.h>
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>

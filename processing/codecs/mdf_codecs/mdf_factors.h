@@ -22,8 +22,7 @@
  * after these were traced along the surface. */
 #pragma once
 
-#include <gio/gio.h>
-
+#include "base/work.h"
 #include "mdf/mdf_table.h"
 
 #define MDF_FACTORS_KIND      "mdf-factors"

@@ -5,7 +5,7 @@
  * the texel. mdf_table_read() reads both kinds of values. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 enum mdf_packed { MDF_PACKED_HALF, MDF_PACKED_8BIT };
 

@@ -5,6 +5,7 @@
 #include "mdf/mdf_table.h"
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <math.h>
 
 #define SIZE_TOLERANCE 0.01 /* relative */

@@ -28,7 +28,7 @@
  * allocated. One BonnFile may be read from several threads at the same time. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define BONN_ERROR bonn_error_quark()
 GQuark bonn_error_quark(void);

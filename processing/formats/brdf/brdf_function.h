@@ -1,7 +1,7 @@
 /* The types that readers and writers of BRDF files share (brdf.h). */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 /* A BRDF to be written, or any other function of two directions. light and view are above the
  * surface. The function is called from several threads at the same time. */

@@ -11,7 +11,7 @@
  * thread. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define TENSOR_FILE_DIMENSIONS 8 /* maximum number of dimensions */
 

@@ -1,6 +1,7 @@
 #include "abrdf.h"
 
 #include <cblas.h>
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -17,7 +17,7 @@
  * Any thread. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 #define RTI_PTM_TERMS 6
 #define RTI_MAX_TERMS 16

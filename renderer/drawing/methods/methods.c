@@ -13,6 +13,7 @@
 #include "neural_view.h"
 #include "session/session.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -15,7 +15,7 @@
 
 #include "imager.h"
 
-#include <gio/gio.h>
+#include <glib.h>
 
 typedef struct VirtualGige VirtualGige;
 

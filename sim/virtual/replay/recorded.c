@@ -2,6 +2,7 @@
 
 #include "drivers/recording.h"
 
+#include <gio/gio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,7 +2,7 @@
  * may call the functions. */
 #pragma once
 
-#include <gio/gio.h>
+#include <glib.h>
 
 struct recorded_line {
     int number; /* line of the file, from 1 on */

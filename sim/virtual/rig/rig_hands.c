@@ -2,6 +2,7 @@
  * sample. */
 #include "rig_private.h"
 
+#include <gio/gio.h>
 #include <string.h>
 
 static gboolean set_cut(VirtualModbus *device, gboolean cut) {

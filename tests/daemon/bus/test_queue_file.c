@@ -3,6 +3,7 @@
 #include "bus/queue.h"
 #include "lib/ok.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>

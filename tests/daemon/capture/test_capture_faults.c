@@ -1,5 +1,6 @@
 /* Every fault of the small simulated rig during a capture: what is taken again, and what pauses the
  * capture. In the end the session is identical, bit for bit, to one without faults. */
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -7,6 +7,7 @@
 #include "lib/test.h"
 #include "lib/wait.h"
 
+#include <gio/gio.h>
 #include <glib-unix.h>
 #include <glib/gstdio.h>
 #include <string.h>

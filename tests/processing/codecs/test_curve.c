@@ -7,6 +7,7 @@
 #include "lib/waves_fixture.h"
 #include "materials/curve.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <string.h>
 

@@ -12,6 +12,7 @@
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

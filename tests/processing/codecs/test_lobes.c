@@ -9,6 +9,7 @@
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

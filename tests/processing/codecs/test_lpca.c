@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/lpca_fixture.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <lapacke.h>
 #include <math.h>

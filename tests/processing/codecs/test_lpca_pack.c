@@ -8,6 +8,7 @@
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>

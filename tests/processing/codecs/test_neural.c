@@ -10,6 +10,7 @@
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <string.h>
 

@@ -7,6 +7,7 @@
 #include "codecs/lpca/lpca_pack.h"
 #include "lib/lpca_fixture.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>

@@ -7,6 +7,7 @@
 #include "lib/test.h"
 #include "shapes/gltf_scene.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -3,6 +3,8 @@
 #include "base/vec.h"
 #include "formats/export_surface.h"
 
+#include <gio/gio.h>
+
 #include "lib/ok.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"

@@ -8,6 +8,7 @@
 
 #include "codecs/eigenmaps/eigenmaps.h"
 
+#include <gio/gio.h>
 #include <glib/gstdio.h>
 
 /* The cosine at which the lamp stands over a texel: near-field, so not everywhere that of 35°. */

@@ -7,6 +7,7 @@
 #include "lib/session_fixture.h"
 #include "lib/test.h"
 
+#include <gio/gio.h>
 #include <sys/stat.h>
 
 TEST(plan) {

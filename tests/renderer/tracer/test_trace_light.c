@@ -10,6 +10,7 @@
 #include "scene/environment_made.h"
 #include "tracer/trace_path.h"
 
+#include <gio/gio.h>
 #include <math.h>
 #include <png.h>
 #include <string.h>
