@@ -11,6 +11,8 @@
 #include "bus_caller.h"
 #include "rig/devices.h"
 
+#include <gio/gio.h>
+
 enum preparer_task {
     PREPARER_CHECK,   /* capture_validate() */
     PREPARER_BEGIN,   /* capture_create() */

@@ -8,6 +8,8 @@
 
 #include "hooks_conf.h"
 
+#include <gio/gio.h>
+
 /* Maximum number of waiting events. If there are more, the oldest one is dropped. */
 #define HOOKS_MAX_WAITING 1000
 
