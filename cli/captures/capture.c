@@ -88,10 +88,10 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
                 directory, again);
     else if (end == MONITOR_FAULT)
         g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s%s\n",
-                   strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
-                   directory, again);
+                   strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is being made safe", reason,
+                   go_on, directory, again);
     else
-        g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s%s\n",
+        g_printerr("mesorig: %s, the rig is being made safe: %s\nto go on: mesorig resume %s%s\n",
                    end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory, again);
     return done ? CLI_DONE : CLI_FAILED;
 }

@@ -110,8 +110,8 @@ static const struct request {
     {"pause", bus_rig1_call_pause_sync, "pausing", "after the shot under way", "continue"},
     {"continue", bus_rig1_call_continue_sync, "going on with", NULL, NULL},
     {"finish", bus_rig1_call_finish_sync, "ending as good enough", NULL, NULL},
-    {"abort", bus_rig1_call_abort_sync, "aborted", "the rig is safe, what was taken stays",
-     "resume"},
+    {"abort", bus_rig1_call_abort_sync, "aborted",
+     "the rig is being made safe, what was taken stays", "resume"},
 };
 
 static int run_request(const struct call *call, GError **error) {

@@ -107,7 +107,7 @@ TEST(disk_full) {
     g_thread_join(g_steal_pointer(&filler));
     g_test_message("%s", run->err);
     assert_has(run->out, "error: disk: The disk is full: ");
-    assert_has(run->err, "mesorig: paused, the rig is safe: The disk is full: ");
+    assert_has(run->err, "mesorig: paused, the rig is being made safe: The disk is full: ");
     assert_has(run->err, "Nothing was lost; free some space, then continue.");
     assert_has(run->err, "to go on: mesorig resume ");
     operator_does(run, 1, "resume", run->session, NULL); /* it is full still */

@@ -49,7 +49,7 @@ static void check_told(struct operation *run, const char *device, const char *ha
     assert_has(run->out, told);
     assert_has(run->err, go_on);
     g_autofree char *reason = between(run->err, "mesorig: paused", "\n");
-    const gboolean is_safe = g_str_has_prefix(reason, ", the rig is safe: ");
+    const gboolean is_safe = g_str_has_prefix(reason, ", the rig is being made safe: ");
     memmove(reason, strstr(reason, ": ") + 2, strlen(strstr(reason, ": ") + 2) + 1);
     g_assert_true(is_safe == !strstr(reason, "THE RIG COULD NOT BE MADE SAFE"));
     assert_has(reason, device);
@@ -222,7 +222,7 @@ TEST(daemon_stays) {
                             (const char *[]){DAEMON, "--listen", listen, NULL});
     operator_does(run, 1, "capture", address, run->rig, run->conf, "-o", run->session, NULL);
     assert_has(run->out, "error: door: interlock door is open");
-    assert_has(run->err, "mesorig: paused, the rig is safe: interlock door is open");
+    assert_has(run->err, "mesorig: paused, the rig is being made safe: interlock door is open");
     assert_has(run->err, "to go on: mesorig continue ");
     operator_does(run, 0, "status", "--json", address, NULL);
     assert_has(run->out, "\"state\": \"paused\", \"reason\": \"interlock door is open");

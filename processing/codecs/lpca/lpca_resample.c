@@ -171,6 +171,6 @@ double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf,
     g_free(to.light_index);
     g_free(to.light_weight);
     g_free(to.sums);
-    resampled->error = all > 0 ? sqrt(rest / all) : 0;
+    resampled->error = all > 0 || isnan(rest) ? sqrt(rest / all) : 0;
     return resampled->error;
 }
