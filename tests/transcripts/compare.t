@@ -17,9 +17,9 @@ Errors of compression at directions that it has not seen. The times, in the last
   fields              66.0   15.00 %    0.37 %    28.88       –  0.1296   3.38
   ptm                 54.0   11.43 %    0.37 %    29.85       –  0.1453   3.20
   hsh                162.0   14.02 %    0.01 %    28.37       –  0.1762   3.84
-  lafortune           24.0   20.88 %   18.61 %    24.55       –  0.1970   4.58
-  ward                28.0   25.80 %    5.19 %    22.80       –  0.2610   4.64
-  ashikhmin           28.0   20.31 %    6.17 %    23.41       –  0.2073   4.48
+  lafortune           24.0   20.8? %   18.6? %    24.5?       *  0.19??   4.5? (esc) (glob)
+  ward                28.0   25.?? %    5.1? %    22.??       *  0.26??   4.6? (esc) (glob)
+  ashikhmin           28.0   20.3? %    6.1? %    23.4?       *  0.20??   4.4? (esc) (glob)
   $ methods S --leave-out lights=1 -m hsh | sed 1,4d
   method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
   btf                 72.0   26.66 %    0.00 %    21.29       –  0.3255   6.65
