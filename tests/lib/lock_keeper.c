@@ -3,7 +3,9 @@
 #include "drivers/device.h"
 #include "ok.h"
 #include "process.h"
+#include "wait.h"
 
+#include <stdlib.h>
 #include <unistd.h>
 
 #define KEY "MESORIG_TEST_KEEP_LOCK" /* in the environment: makes this program a keeper */
@@ -24,8 +26,10 @@ GSubprocess *lock_keeper_start(const char *key) {
     g_autofree char *keep = g_strconcat(KEY "=", key, NULL);
     GSubprocess *keeper = process_start(G_SUBPROCESS_FLAGS_NONE, NULL,
                                         (const char *[]){"/usr/bin/env", keep, self, NULL});
-    for (pid_t holder = 0; !lock_holder(key, &holder);)
+    pid_t holder = 0;
+    UNTIL (lock_holder(key, &holder))
         g_usleep(1000);
+    g_assert_cmpint(holder, ==, atoi(g_subprocess_get_identifier(keeper)));
     return keeper;
 }
 

@@ -292,9 +292,9 @@ static int count(const char *text, const char *words) {
 /* Starts a process that makes the rig safe. It is another process because a SafeWork needs one
  * without other threads, and the virtual devices are threads of this one. */
 static GSubprocess *work_start(struct fixture *fixture, const char *kind, const char *repeat_s) {
-    g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
-    return process_start(G_SUBPROCESS_FLAGS_NONE, fixture->said,
-                         (const char *[]){self, "--work", fixture->rig, kind, repeat_s, NULL});
+    return process_start(
+        G_SUBPROCESS_FLAGS_NONE, fixture->said,
+        (const char *[]){"/proc/self/exe", "--work", fixture->rig, kind, repeat_s, NULL});
 }
 
 static void work_end(GSubprocess *work) {
@@ -313,24 +313,22 @@ static char *work_until(struct fixture *fixture, const char *words, int n) {
     return text;
 }
 
-#define REPEAT_S 4
-
 /* Of each device once that it is not safe, again and again while that is so, and once that it is.
  */
 static void test_told(struct fixture *fixture, gconstpointer data) {
-    const gint64 begun_us = g_get_monotonic_time();
     lines_fail(&fixture->lines, LASER, SILENT);
-    GSubprocess *work = work_start(fixture, "loud", G_STRINGIFY(REPEAT_S));
+    GSubprocess *work = work_start(fixture, "loud", "4");
     g_autofree char *first = work_until(fixture, "is still trying", 1);
     *strstr(first, "is still trying") = '\0';
     g_assert_cmpint(count(first, "laser top: NOT safe: "), ==, 1);
     g_assert_cmpint(count(first, "lamps bank: off, read back"), ==, 1);
-    g_autofree char *repeated = work_until(fixture, "laser top: NOT safe: ", 3);
+    for (int i = 2; i <= 3; i++) {
+        g_autofree char *repeated = work_until(fixture, "laser top: NOT safe: ", i);
+        g_assert_cmpint(count(repeated, "laser top: NOT safe: "), ==, i);
+    }
     lines_repair(&fixture->lines, LASER);
     work_end(work);
     g_autofree char *text = text_file_read(fixture->said);
-    const gint64 lasted_s = (g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
-    g_assert_cmpint(count(text, "laser top: NOT safe: "), <=, 2 + lasted_s / REPEAT_S);
     g_assert_cmpint(count(text, "laser top: off, read back"), ==, 1);
     g_assert_cmpint(count(text, "lamps bank: "), ==, 1);
     g_assert_cmpint(count(text, "is still trying"), ==, 1);
@@ -352,7 +350,7 @@ static void kill_children(const char *pid) {
     for (char **child = pids; *child; child++)
         kill((pid_t)g_ascii_strtoll(*child, NULL, 10), SIGKILL);
     char *now = children(pid);
-    UNTIL (*now &&strcmp(now, old) != 0) {
+    UNTIL (strcmp(now, "") != 0 && strcmp(now, old) != 0) {
         g_free(now);
         g_usleep(5000);
         now = children(pid);
