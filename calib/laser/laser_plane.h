@@ -7,9 +7,9 @@
  * Two numbers of each photograph are adjusted: the distances of two points of its line from the
  * plane. Their covariance includes the line's scatter, and the error of the board's pose, which
  * moves both points. Photographs that contradict the others are left out, unless there are only
- * LASER_PLANE_MIN. The plane's covariance also includes that of the camera's parameters, whose
- * errors are the same in all photographs. If the photographs scatter more than their errors
- * explain, the plane's covariance is increased.
+ * LASER_PLANE_MIN. The errors of the camera's parameters are the same in all photographs. The
+ * covariance of the plane includes the covariance of these parameters as well. If the photographs
+ * scatter more than their errors explain, the plane's covariance is increased.
  *
  * The functions are pure, and any thread may call them.
  */
@@ -26,8 +26,8 @@ enum laser_plane_error {
     /* There are too few photographs, the line or the board in one of them cannot be measured, the
      * photographs contradict each other, or the errors of the camera are too large. */
     LASER_PLANE_ERROR_PICTURES,
-    /* The lines in the photographs do not determine a plane, or the standard error of the plane's
-     * tilt is above 1°. */
+    /* The lines in the photographs determine no plane. Or they determine one whose tilt has a
+     * standard error above 1°. */
     LASER_PLANE_ERROR_DEGENERATE,
 };
 

@@ -31,7 +31,8 @@ gboolean bus_end(Bus *bus, GError **error);
 void bus_free(Bus *bus);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Bus, bus_free)
 
-/* Sets the function that is called for changes, in place of an earlier one. NULL means none. */
+/* Sets the function that is called for changes. It replaces an earlier function. NULL means none.
+ */
 void bus_listen(Bus *bus, BusFunc func, gpointer data);
 
 /* Shows the rig on a connection until the connection closes. */

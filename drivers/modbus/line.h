@@ -14,9 +14,9 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
 void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
 /* Connects if the line is not connected. With MODBUS_ONCE, makes one attempt at once. Otherwise
- * repeats the attempt until deadline_us (time of g_get_monotonic_time()). Before an attempt that
- * follows a failed one, the function waits for the back-off time, which grows from 50 ms to 1 s. It
- * returns at once if that time would end after deadline_us. The error is DEVICE_ERROR_BUSY if
+ * repeats the attempt until deadline_us (time of g_get_monotonic_time()). After a failed attempt,
+ * the function waits before the next one. The pauses grow from 50 ms to 1 s. If a pause would end
+ * after deadline_us, the function returns at once. The error is DEVICE_ERROR_BUSY if
  * another program uses a serial line, otherwise DEVICE_ERROR_DISCONNECTED. */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 

@@ -121,8 +121,8 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, const double
  * out together, and their variances without s². e_B = (K⁻¹_BB)⁻¹ (K⁻¹ y)_B, with variances the
  * diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2, extended to groups of more than one
  * pair). A group of more than 64 pairs is divided into parts of at most 64, which are left out
- * separately. inverse is K⁻¹, m × m, symmetric; ret_errors is n_rows × m; ret_variances has m
- * values. */
+ * separately. inverse is K⁻¹. It is m × m and symmetric. ret_errors is n_rows × m, and
+ * ret_variances has m values. */
 void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances);

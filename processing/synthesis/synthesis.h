@@ -57,7 +57,7 @@ struct index_map *synthesis_of_session(const char *path, gint64 memory,
 /* Makes the mip levels of a map from level 0. A block of level n covers up to four blocks of level
  * n − 1. Each of these gives a candidate: the square of the sample that has this smaller block at
  * the same place, moved so that it stays within the sample. The function chooses the candidate
- * whose mean in the sample is nearest to the mean of the texels in the map. In the last level the
- * side of a block is at most a quarter of the sample's shorter side, and at most the map's shorter
- * side. There are at most INDEX_MAP_LEVELS levels. */
+ * whose mean in the sample is nearest to the mean of the texels in the map. A block of the last
+ * level is at most as wide as the shorter side of the map, and as a quarter of the shorter side of
+ * the sample. There are at most INDEX_MAP_LEVELS levels. */
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map);

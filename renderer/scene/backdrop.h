@@ -17,8 +17,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Backdrop, backdrop_free)
  * point, or at 0 if all points are higher. The points are not kept. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius);
 
-/* Copies an environment map to the graphics card, in place of an earlier one. Fails if the card
- * does not support its size. */
+/* Copies an environment map to the graphics card. It replaces an earlier map. Fails if the card
+ * does not support the size of the map. */
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 

@@ -250,8 +250,9 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
 /* Memory for the light of an exposure. A thread keeps it for its next exposure, because new memory
  * for each would take a tenth of the time of a laser sweep. */
 struct light {
-    gsize n; /* number of pixels */
-    float *rate, *own;
+    gsize n;     /* number of pixels */
+    float *rate; /* of all lamps and lasers */
+    float *own;  /* of one laser */
 };
 
 static void light_free(gpointer data) {

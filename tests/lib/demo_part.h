@@ -1,5 +1,6 @@
-/* A part of the demo's rig (etc/demo). At 30° and at 60° it has a camera, a lamp and a laser. The
- * simulated world can have any target on the turntable. Errors in these functions fail the test. */
+/* A part of the demo's rig (etc/demo). It has a camera, a lamp and a laser at 30°, and the same at
+ * 60°. The simulated world can have any target on the turntable. Errors in these functions fail the
+ * test. */
 #pragma once
 
 #include <glib.h>
