@@ -362,12 +362,11 @@ enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
 enum monitor_end monitor_run_processing(Monitor *monitor, const char *directory) {
     monitor->processed = directory;
     monitor->ended = FALSE;
+    if (!cli_json)
+        g_print("processing %s; Ctrl-C ends only this program\n", directory);
     check(monitor);
-    if (!monitor->ended) {
-        if (!cli_json)
-            g_print("processing %s; Ctrl-C ends only this program\n", directory);
+    if (!monitor->ended)
         g_main_loop_run(monitor->loop);
-    }
     return monitor->end;
 }
 
