@@ -61,8 +61,8 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
                     path, what);
     else
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                    "%s is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
-                    "can be read; copy the file again, or save it as PNG or TIFF",
+                    "%s is not a picture of a known format (JPEG, PNG, TIFF, BMP, PGM, PPM); copy "
+                    "the file again, or save it as PNG or TIFF",
                     path);
     return FALSE;
 }

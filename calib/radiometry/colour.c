@@ -132,18 +132,18 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     }
     found.residual = sqrt(sum);
     if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0)) {
-        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                    "by the measured colours of the patches, equal red, green and blue have an XYZ "
-                    "that is not above 0; check that the file belongs to this chart, and that the "
-                    "chart lies as the file says");
+        g_set_error(
+            error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+            "by the measured colours of the patches, equal red, green and blue have an XYZ "
+            "that is not above 0; check that the file of --chart belongs to this chart, and "
+            "that the chart lies as this file says");
         return FALSE;
     }
     if (!(found.residual < MAX_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the measured colours of the patches differ from the chart's values by %.1f "
-                    "ΔE*ab (RMS), and less than %g is needed; check that the file belongs to this "
-                    "chart, and that the chart "
-                    "lies as the file says",
+                    "ΔE*ab (RMS), and less than %g is needed; check that the file of --chart "
+                    "belongs to this chart, and that the chart lies as this file says",
                     found.residual, MAX_OFF);
         return FALSE;
     }

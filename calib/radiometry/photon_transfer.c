@@ -374,8 +374,9 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                "no part of the picture is lit and not saturated at three or more exposures; give "
-                "more and shorter exposures");
+                "every part of the picture is dark or saturated at all exposures but two at most; "
+                "give more and shorter exposures, so that some part is lit and unsaturated at "
+                "three or more");
     return FALSE;
 }
 

@@ -88,9 +88,8 @@ static gboolean gather(struct job *job, GError **error) {
         ok = ok && planes[i] >= 0 && planes[i] < 1000;
     if (!ok) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "--planes %s: give one height of at least 0 and less than 1000 mm for each of "
-                    "the %d sessions, "
-                    "with ';' between them",
+                    "--planes %s: give one height of at least 0 and less than 1000 mm for each "
+                    "session (%d), with ';' between them",
                     planes_option, n);
         return FALSE;
     }

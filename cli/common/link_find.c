@@ -182,9 +182,10 @@ static Link *named_for(const char *directory, GError **error) {
     if (!link || !directory || g_str_equal(session_of(link), directory))
         return g_steal_pointer(&link);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "the daemon of %s does not capture %s (it captures %s); leave out that option or "
-                "the directory",
-                link->option, directory, *session_of(link) ? session_of(link) : "nothing");
+                "%s names a daemon that does not capture %s (it captures %s); leave out %s, or "
+                "leave out the directory",
+                link->option, directory, *session_of(link) ? session_of(link) : "nothing",
+                link->option);
     return NULL;
 }
 

@@ -309,9 +309,10 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command,
                          "--leave-out and --seed need one session, whose BTF is compressed without "
                          "some directions");
-    if (method_option && (b || curve_option))
-        return cli_usage(call->command,
-                         "--method needs one session, and cannot be given with --curve");
+    if (method_option && b)
+        return cli_usage(call->command, "--method is for one session: give only one");
+    if (method_option && curve_option)
+        return cli_usage(call->command, "give --method or --curve, not both");
     if (g_strcmp0(leave_out_option, "each") == 0) {
         if (method_option || curve_option || seed_option != 1)
             return cli_usage(call->command, "--leave-out=each needs no --method, --curve or "

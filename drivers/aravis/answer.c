@@ -79,8 +79,10 @@ static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
         device_error_set(
             error, DEVICE_ERROR_PROTOCOL, NULL,
             "its frame has %d × %d pixels of the format 0x%08x, but the camera was set to %d × %d "
-            "pixels %s" ERROR_ADVICE "end any other program that changes the camera's settings",
-            width, height, code, limits->width, limits->height, limits->format->name);
+            "pixels of the format 0x%08x (%s)" ERROR_ADVICE
+            "end any other program that changes the camera's settings",
+            width, height, code, limits->width, limits->height, limits->format->code,
+            limits->format->name);
         return NULL;
     }
     g_autoptr(Frame) frame = frame_new(width, height);

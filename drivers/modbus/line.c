@@ -470,7 +470,8 @@ static gboolean line_give_up(const struct modbus_line *line, int unit,
     if (is_exception(why))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: the device refused: %s" ERROR_ADVICE
-                                "check the address and value in its section",
+                                "check the register or coil and its value in the device's section "
+                                "of the rig file",
                                 what, modbus_strerror(why));
     if (is_damage(why))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,

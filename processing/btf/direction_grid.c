@@ -254,10 +254,13 @@ static gboolean check_grid(const struct direction_list *list, int n_grid, gboole
                     "the grid of directions has %d directions along a side, but must have %d to "
                     "%d; give another size",
                     n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
-    else if (list->n < 1 || list->n > MOST)
+    else if (list->n < 1)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the material has %zu %s, but a grid of directions needs 1 to %d; resample the "
-                    "material to fewer directions first",
+                    "the material has no %s, but a grid of directions needs at least one", what);
+    else if (list->n > MOST)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the material has %zu %s, but a grid of directions can have at most %d; "
+                    "resample the material to fewer directions first",
                     list->n, what, MOST);
     else {
         for (gsize i = 0; i < list->n; i++) {

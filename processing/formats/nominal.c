@@ -270,6 +270,11 @@ static struct calibration *from_config(const Config *config, GError **error) {
                 kind = &kinds[k];
         const char *id =
             strcmp(section->class_name, "rig") == 0 ? config_value(section, "id", NULL) : NULL;
+        if (!kind && !id && strcmp(section->class_name, "rig") == 0) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "id",
+                             "the rig has no id; add a line “id = NAME”");
+            return NULL;
+        }
         if (!kind && !id) {
             config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
                              "this section is not known; use [rig] with its id, [camera NAME], "

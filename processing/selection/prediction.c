@@ -279,8 +279,9 @@ static gboolean learn(Prediction *prediction, const float *probes, const struct 
     if (prediction->n_measured > PREDICTION_MAX_MEASURED) {
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INVALID,
-            "%d pairs of directions are measured, but the prediction can use at most %d; plan "
-            "fewer views or lights, or capture all pictures",
+            "%d pairs of view and light are captured, but the prediction of the others can use "
+            "at most %d; plan fewer views or lights, or capture all pairs, so that none is "
+            "predicted",
             prediction->n_measured, PREDICTION_MAX_MEASURED);
         return FALSE;
     }

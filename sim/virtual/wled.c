@@ -150,8 +150,8 @@ static gboolean open_sockets(VirtualWled *wled, const char *address, GError **er
     wled->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (wled->fd < 0 || bind(wled->fd, (struct sockaddr *)&at, sizeof at) < 0) {
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual WLED: cannot listen at %s: %s; end the program that uses the address",
-                    address, g_strerror(errno));
+                    "virtual WLED: cannot listen at %s, UDP port %d: %s", address, UDP_PORT,
+                    g_strerror(errno));
         return FALSE;
     }
     g_autoptr(GSocketAddress) http = g_inet_socket_address_new_from_string(address, 0);

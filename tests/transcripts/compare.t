@@ -65,7 +65,7 @@ Errors of compression at directions that it has not seen. The times, in the last
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m lpca --curve curve.svg
-  mesorig compare: --method needs one session, and cannot be given with --curve
+  mesorig compare: give --method or --curve, not both
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 

@@ -26,7 +26,7 @@ static gboolean check(const struct eigenmaps *maps, const struct ring_slices *li
     if (longest > (gsize)most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                     "%zu × %zu texels in %d terms of %zu lights do not fit into a 3D texture: %s "
-                    "supports %d in each direction; use --method eigenmaps",
+                    "supports at most %d texels in each direction; use --method eigenmaps",
                     maps->layout.width, maps->layout.height, maps->n_terms, n_lights,
                     gpu_renderer(), most);
         return FALSE;

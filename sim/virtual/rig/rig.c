@@ -224,7 +224,7 @@ static gboolean add_lamps(VirtualRig *rig, const struct config_section *section,
     if (n > MAX_COILS) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "lamps",
                          "there are %d lamps, but a virtual relay board has %d relays; divide the "
-                         "lamps between two sections",
+                         "lamps among several sections",
                          n, MAX_COILS);
         return FALSE;
     }

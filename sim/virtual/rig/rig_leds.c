@@ -18,7 +18,7 @@ gboolean rig_add_leds(VirtualRig *rig, const struct config_section *section, GEr
     if (bank->n > VIRTUAL_LEDS_MAX) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "lamps",
                          "there are %d lamps, but a serial LED controller has at most %d; divide "
-                         "the lamps between two sections",
+                         "the lamps among several sections",
                          bank->n, VIRTUAL_LEDS_MAX);
         return FALSE;
     }

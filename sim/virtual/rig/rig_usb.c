@@ -174,7 +174,7 @@ gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section
     if (n > MAX_RELAYS) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "lamps",
                          "there are %d lamps, but a USB relay board has at most %d relays; divide "
-                         "the lamps between two sections",
+                         "the lamps among several sections",
                          n, MAX_RELAYS);
         return FALSE;
     }
