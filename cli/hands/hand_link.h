@@ -32,25 +32,26 @@ gboolean hand_open(Link *link, const char *rig, GError **error);
 gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, GError **error);
 char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error);
 
-/* Lease of a light in seconds, as hand_light() begins it. The light goes off after this time unless
- * the lease is renewed. hand_snap() and hand_renew() renew leases, and hand_light() and
- * hand_light_for() renew them while they wait. */
+/* Length of the lease that hand_light() gives a light, in seconds. A lease belongs to this process.
+ * When it ends, the daemon switches the light off, unless this process has renewed the lease
+ * before. hand_snap() and hand_renew() renew all leases of this process. hand_light() and
+ * hand_light_for() do so repeatedly while they wait. */
 #define HAND_LEASE_S 30
 
-/* Each function calls the daemon's method of the same purpose and waits for the answer. hand_snap()
- * renews the leases of all lights that this process has switched on, so that they end after
- * HAND_LEASE_S, also if their leases were shorter or longer. hand_light() does so repeatedly while
- * it waits for the answer, because a light may have to warm up. The caller owns the frame of
- * hand_snap(); frame_unref(). */
+/* hand_snap() takes a picture, and hand_light() switches a lamp or a laser. Both call a method of
+ * the daemon and wait for its answer. hand_snap() first renews all leases of this process.
+ * hand_light() renews them repeatedly while it waits, because a light may have to warm up. A
+ * renewed lease ends HAND_LEASE_S after the renewal, even if it was longer before. The caller owns
+ * the frame of hand_snap(); frame_unref(). */
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
-/* Switches a light on with a lease of for_s. The lease is renewed while the light warms up, so that
- * it ends at most for_s after the last renewal. */
+/* Switches a light on with a lease of for_s seconds, and waits for the answer. While the light
+ * warms up, all leases of this process are renewed repeatedly, each time for for_s seconds. */
 gboolean hand_light_for(Link *link, gboolean laser, const char *name, double for_s, GError **error);
 
-/* Renews the leases of the lights that this process has switched on, so that they end after for_s
- * seconds. Does not wait for the answer. */
+/* Asks the daemon to renew the leases of all lights that this process has switched on, so that they
+ * end for_s seconds later. Does not wait for the answer, so a failure is not reported. */
 void hand_renew(Link *link, double for_s);
 
 /* hand_move() moves an axis to deg, hand_home() moves it to its home position. *ret_deg is the
