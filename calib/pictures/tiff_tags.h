@@ -29,10 +29,11 @@ gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret);
 /* Returns the offset of the first directory. */
 guint64 tiff_first(const struct tiff *tiff);
 /* Finds a tag in the directory at an offset. Returns FALSE if the directory does not have the tag,
- * or if the values are not within the file. */
+ * if the tag has no values or values of an unknown type, or if the values are not within the
+ * file. */
 gboolean tiff_find(const struct tiff *tiff, guint64 directory, guint tag, struct tiff_value *ret);
-/* Returns the first value of a tag with unsigned integers, or 0 if the directory does not have the
- * tag. */
+/* Returns the first value of a tag with unsigned integers. Returns 0 if tiff_find() does not find
+ * the tag, or if its values are of the type RATIONAL. */
 guint64 tiff_find_number(const struct tiff *tiff, guint64 directory, guint tag);
 
 G_END_DECLS
