@@ -270,8 +270,8 @@ void bundle_centre(const struct bundle_camera *camera, const double pose[6], dou
     }
 }
 
-/* Rounding errors accumulate over many solves. A Newton step towards the polar factor, R (3 I − Rᵀ
- * R) / 2, reduces the deviation from a rotation to its square. */
+/* Rounding errors accumulate over many solves. R (3 I − Rᵀ R) / 2 is a Newton step from R towards
+ * the nearest rotation. It reduces a deviation ε from a rotation to the order of ε². */
 void bundle_turn(double rotation[9], const double omega[3]) {
     struct mat3 turn, r;
     struct vec3 j[3];

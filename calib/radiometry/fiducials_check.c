@@ -1,8 +1,9 @@
 /* The causes are found by a greedy search. Each hypothesis is fitted to the displacements d_i (with
  * weights w_i) by least squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d, where a are its angles, J the
- * derivatives of d with respect to a, and σ is PRIOR_RAD. The hypothesis with the largest decrease
- * of χ², which is aᵀ Σ w Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is
- * significant. */
+ * derivatives of d with respect to a, and σ is PRIOR_RAD. The prior keeps angles small that the
+ * displacements hardly determine. A hypothesis decreases χ² by aᵀ Σ w Jᵀ d. The hypothesis with the
+ * largest decrease is accepted, and what it explains is subtracted from d. This is repeated until
+ * no hypothesis is significant. */
 #include "fiducials.h"
 
 #include <lapacke.h>
@@ -12,7 +13,7 @@
 #define STEP_RAD  1e-5
 #define CERTAIN   4.0 /* an angle that exceeds this number of standard errors is certain */
 #define MAX_TURNS (RIG_MAX_CAMERAS + 1)
-#define PRIOR_RAD 0.02 /* prior of each angle; it bounds angles that are hardly determined */
+#define PRIOR_RAD 0.02 /* standard deviation of the Gaussian prior of each angle; its mean is 0 */
 
 /* A hypothesis: the turntable slipped, or one camera rotated. */
 struct cause {
