@@ -1,5 +1,6 @@
 /*
- * The result of a calibration (values, standard errors, date and pictures used) and its key file.
+ * This module holds the result of a calibration: values, standard errors, date and pictures used.
+ * It also reads and writes the key file of the result.
  *
  * The file begins with the text of rig_to_text(), so rig_from_text() can read it, and a calibration
  * may be given wherever the geometry of a rig is expected. Then follow a section [part NAME] for
@@ -205,24 +206,25 @@ gboolean calibration_write(const struct calibration *calibration, const char *pa
  * G_FILE_ERROR for an error of the system, and with RIG_ERROR if the file is not a calibration. */
 struct calibration *calibration_read(const char *path, GError **error);
 
-/* Checks that the calibration belongs to this rig. The id must be the same, and the number and
- * names of cameras, lamps and lasers. The size of each camera and its place on the camera arm must
+/* Checks that the calibration belongs to this rig. The id, and the numbers and names of cameras,
+ * lamps and lasers, must be the same. The size of each camera and its place on the camera arm must
  * be the same. The arc must carry the same lamps and lasers. Returns FALSE with RIG_ERROR_VALUE
  * otherwise. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
 
-/* Computes the covariance of the place, in px², at which a camera sees a point of the rig frame,
- * from the covariance of the camera's parameters. Returns FALSE and a covariance of 0 if the camera
- * is not calibrated, or does not see the point. */
+/* Computes the covariance, in px², of the place at which a camera sees a point of the rig frame. It
+ * follows from the covariance of the camera's parameters. Returns FALSE and a covariance of 0 if
+ * the camera is not calibrated, or does not see the point. */
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]);
 
 /* Returns the factor that converts a lamp's output relative to the calibration `from` to its output
  * relative to the calibration `to`. Outputs are those that fiducials_measure() finds in pictures of
  * this camera. Each calibration predicts the value of each fiducial as if it were white
- * (fiducials_white()). The factor is the mean of the value by `from` divided by the value by `to`,
- * over the fiducials for which both values are above 0. It is 1 if there is no such fiducial. */
+ * (fiducials_white()). The factor is the mean ratio of the value by `from` to the value by `to`,
+ * over the fiducials for which both values are above 0. The factor is 1 if there is no such
+ * fiducial. */
 double calibration_output_factor(const struct calibration *from, const struct calibration *to,
                                  int camera, int lamp, double turntable_rad, double arc_rad);
 

@@ -39,8 +39,8 @@ enum board_print {
 struct board {
     enum board_print print;
     int columns, rows; /* number of squares, markers or circles in a row; number of rows */
-    /* side of a square; for markers, side of a marker plus the gap; for circles, distance between
-     * rows (in a staggered grid half the distance of neighbours in a row) */
+    /* Side of a square. For markers, the side of a marker plus the gap. For circles, the distance
+     * between rows, which in a staggered grid is half the distance of neighbours in a row. */
     double square_mm;
     double marker_mm;    /* side of a marker; 0 without markers */
     double circle_mm;    /* diameter of a circle; 0 without circles */

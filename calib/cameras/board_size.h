@@ -45,9 +45,10 @@ gboolean board_census_before(struct board_census *census, const struct picture *
 gboolean board_census_after(struct board_census *census, const struct picture *picture,
                             const GArray *corners, GError **error);
 
-/* Measures the size of the board in one picture, for tests, which count how often it is right:
- * columns and rows of the given print. If the print looks the same with columns and rows exchanged,
- * the larger number is returned as columns if given->columns ≥ given->rows, and else as rows.
- * Returns FALSE if the size is not known, or if the board does not end within the picture. */
+/* Measures the number of columns and rows of the board in one picture. The board has the given
+ * print. Tests use this function to count how often the size is right. If the print looks the same
+ * with columns and rows exchanged, the larger number is returned as columns if given->columns ≥
+ * given->rows, and else as rows. Returns FALSE if the size is not known, or if the board does not
+ * end within the picture. */
 gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
                        int *ret_rows);

@@ -205,8 +205,8 @@ struct Work {
     std::vector<double> angles;
     std::array<double, 3> bend;
     std::array<double, BUNDLE_WOBBLE> wobble;
-    std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each lay,
-                                                           * stop … */
+    /* number of observations of each lay, stop, camera and lens */
+    std::vector<int> of_lay, of_stop, of_camera, of_lens;
     ceres::Problem problem;
 
     explicit Work(bundle *from)

@@ -62,8 +62,9 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, picture, corner; /* camera and stop are indices; the observations of one
-                                          picture have one number; corner is only for the caller */
+    /* camera and stop are indices. All observations of one picture have the same number `picture`.
+     * corner is only for the caller. */
+    int camera, stop, picture, corner;
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;

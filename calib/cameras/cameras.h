@@ -40,7 +40,7 @@
  * increased by the deviation of the calibrated stops from the axis.
  *
  * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
- * angles determines, at most RIG_WOBBLE_HARMONICS. Even p meaningless parameters lower χ², by p ±
+ * angles determines, at most RIG_WOBBLE_HARMONICS. By chance alone, p parameters lower χ² by p ±
  * √(2 p). The p parameters of the wobble are therefore kept only if they lower χ², divided by the
  * inflation of the variances, by more than p + 4 √(2 p).
  *

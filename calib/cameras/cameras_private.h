@@ -58,8 +58,8 @@ gboolean cameras_progress(struct cameras_work *work, GError **error);
  * axis is not near the axis of the rig file. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
-/* Copies the axis result->arm to the calibration, and places the stops without pictures by it. Sets
- * result->predicted. */
+/* Copies the axis result->arm to the calibration, and places the stops without pictures according
+ * to this axis. Sets result->predicted. */
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);

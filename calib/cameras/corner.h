@@ -3,9 +3,9 @@
  * by lens and pixels, are fitted to the grey values around the corner. Other print (markers,
  * neighbouring corners) is excluded with the known geometry of the board. Boards may therefore be
  * seen at up to 75° from their normal, where a square is a few pixels high. The model includes a
- * gradient of light. Turned by half a turn about its corner, the model looks the same, and so do
- * straight edges with a symmetric blur. Such a blur therefore does not shift the corner that is
- * found.
+ * gradient of light. The model looks the same after half a turn about the corner. Straight edges
+ * with a symmetric blur look the same as well. A symmetric blur therefore does not shift the corner
+ * that is found.
  *
  * For a marker that touches no black square, the corner is the end of two edges (one of the four
  * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c).

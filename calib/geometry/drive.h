@@ -25,7 +25,7 @@ int drive_angle(struct drive *drive, double angle_rad);
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,
  * Dempster, Laird and Rubin 1977). The priors have the mean 0 and the standard deviations sigma,
  * one for each parameter. The function writes the standard deviations of the drives' errors into
- * sigma. The drives' sigma_rad are set. The return value, x and ret are as the return value,
- * parameters and ret of fit_solve(). */
+ * sigma. The drives' sigma_rad are set. x, ret and the return value are as parameters, ret and the
+ * return value of fit_solve(). */
 gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
                    double *x, struct fit_result *ret);

@@ -49,8 +49,9 @@ struct fit_result {
     int degrees_of_freedom;
     /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */
     double sigma;
-    int undetermined; /* index of a parameter that the observations and priors do not determine, 0
-                         if no degree of freedom is left, otherwise −1 */
+    /* Index of a parameter that the observations and priors do not determine, or −1 if there is
+     * none. It is also 0 if no degree of freedom is left. */
+    int undetermined;
 };
 
 /* Minimises from the given parameters, which must be close to the solution, and writes the

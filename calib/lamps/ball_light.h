@@ -65,7 +65,8 @@ struct ball_light {
     struct vec3 direction; /* unit vector: mean direction of the rays that agree */
     double sigma_rad;      /* RMS error of the direction */
     gboolean placed; /* the rays determine the position of the light, not only its direction */
-    /* position of the light in radii, if placed; its standard deviations */
+    /* If placed: the position of the light, and the standard deviation of each coordinate, in
+     * radii. */
     struct vec3 place, place_error;
     double miss;                       /* RMS distance of the rays from the position, in radii */
     gboolean left_out[BALL_LIGHT_MAX]; /* the ray contradicts the majority */
@@ -74,9 +75,9 @@ struct ball_light {
 };
 
 /* Finds the light that 1 … BALL_LIGHT_MAX rays agree on: a position, or a direction if the light is
- * too far away. Rays that contradict the majority are left out. Returns FALSE if no majority
- * agrees, or if two different majorities have the same size. off_rad then has the angle between
- * each ray and the other ray whose direction is nearest. */
+ * too far away. Rays that contradict the majority are left out. Returns FALSE if no set of more
+ * than half of the rays agrees, or if the largest such set is not unique. off_rad then has the
+ * angle between each ray and the other ray whose direction is nearest. */
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret);
 
 /* Solves a x = b for a symmetric positive definite matrix by Cramer's rule. Returns FALSE if a is

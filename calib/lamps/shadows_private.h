@@ -62,7 +62,8 @@ struct window { /* around the end of one shadow */
     double slope[4]; /* mm on the plate per pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
     double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, and along its longer side */
     GArray *pixels;           /* struct pixel */
-    /* number of pixels near the end that something else hides; number of all pixels near the end */
+    /* near_end: number of pixels near the end. hidden: number of those that something else
+     * hides. */
     int hidden, near_end;
     /* the window is around the top of the post itself, not around its shadow's end */
     gboolean body;

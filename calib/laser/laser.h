@@ -55,7 +55,7 @@ struct laser_result {
         stretch_error[RIG_MAX_LASERS];
     /* standard error of the bend, also if the bend is not significant */
     double bend_error_rad[RIG_MAX_LASERS];
-    /* For the variances of position, axis, zero and stretch: TRUE if more than a quarter of the
+    /* One flag each for position, axis, zero and stretch. It is TRUE if more than a quarter of the
      * variance comes from the prior of the arc's axis instead of the measurement. */
     gboolean from_prior[RIG_MAX_LASERS][4];
     /* Errors of the sheets. They include the part of the RMS residual that noise does not
@@ -70,7 +70,7 @@ struct laser_result {
     double line_rad[RIG_MAX_LASERS];
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc's axis */
-    /* rms_all_mm: RMS distance of all used points from their sheets. sigma: RMS of these residuals,
+    /* rms_all_mm: RMS distance of all used points from their sheets. sigma: RMS of these distances,
      * each divided by its expected standard deviation. */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;

@@ -45,10 +45,10 @@ struct laser_plane {
     double offset_error_mm;  /* standard error of the plane at point_mm */
     /* standard error of the normal, in the direction in which it is largest */
     double tilt_error_rad;
-    /* RMS distance of the lines from the plane, and its expected value */
+    /* RMS distance of the lines from the plane: as measured, and as expected from their errors */
     double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
-    /* number of photographs that were used, and number of dots in these photographs */
+    /* used: number of photographs that were used. dots: number of dots in these photographs. */
     int used, dots;
     /* RMS distance of each photograph's line from the plane, also if it was left out */
     double *off_mm;

@@ -36,9 +36,9 @@ struct picture_tone {
 struct picture_says {
     struct picture_tone tone;
     gboolean alpha; /* pixels may be transparent */
-    /* Time when the picture was taken by the camera's clock, as if that clock showed UTC. If EXIF
-     * has no tag of this time, the date of the file's TIFF tags. 0 if neither is given, or if the
-     * tag that is used has no valid time. */
+    /* Time when the picture was taken by the camera's clock, as if that clock showed UTC. It is
+     * from the EXIF tag of this time or, if there is none, from the date among the file's TIFF
+     * tags. It is 0 if neither is given, or if the tag that is used has no valid time. */
     gint64 taken_us;
     /* The focal length of the lens, and the pixels per mm of the sensor in a picture whose longer
      * side has full_px pixels. 0 if not given. full_px may be 0 although pixels_per_mm is given. */

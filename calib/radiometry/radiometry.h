@@ -116,10 +116,11 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
 /* Finds the veiling glare of a camera from those of the n cells that belong to this camera. Sorts
  * the cells, with those of this camera first. The dark surface in a cell has an unknown
  * reflectance. Its signal depends on the distance of the lamp, while glare does not, so the two can
- * be separated. Returns FALSE with *ret_glare 0 in three cases: no cell is dark enough, the glare
- * found is brighter than the darkest cells, or its standard error is 0.2 % or more. *ret_error is
- * then 0 as well, except in the third case if the glare found is more than three times its standard
- * error: *ret_error is then √(glare² + standard error²). */
+ * be separated. On success, *ret_error is the standard error of the glare. Returns FALSE with
+ * *ret_glare 0 in three cases: no cell is dark enough, the glare found is brighter than the darkest
+ * cells, or its standard error is 0.2 % or more. In the third case, *ret_error is √(glare² +
+ * standard error²) if the glare found is more than three times its standard error. Otherwise
+ * *ret_error is 0. */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 
@@ -136,7 +137,8 @@ struct tile_fit {
     struct radiometry_lamp lamps[RIG_MAX_LAMPS];
     double residual; /* relative RMS of the residuals */
     double expected; /* relative RMS of the residuals that the noise of the cells explains */
-    /* RMS over the lamps of the differences between found and nominal values. */
+    /* RMS over the lamps: difference between the found and the nominal exponent, and angle between
+     * the found and the nominal aim. */
     double exponent_off, aim_off_rad;
     double quality; /* χ² per degree of freedom; 1 if model and noise are right */
     int degrees;    /* degrees of freedom */

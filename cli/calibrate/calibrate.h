@@ -94,8 +94,8 @@ char **calibrate_lacking(const struct calibration *calibration, const char *part
 /* Returns the name of the observations that a part leaves out one by one, for instance "sights". */
 const char *calibrate_left_out(enum calibration_kind kind);
 
-/* Returns whether a part has left out more observations than it has used. This needs attention,
- * because leaving out up to half of the sights of lamps is usual. */
+/* Returns whether a part has left out more observations than it has used. This needs attention. For
+ * the sights of lamps, it is usual that up to half are left out. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind);
 
 /* Adds the last lines for people: the number of items that were left out, and a hint if the cameras

@@ -49,8 +49,8 @@ struct new_rig {
     enum new_rig_camera camera;
     /* Places of the devices. An empty place of NEW_RIG_SACN means multicast. */
     const char *axes_at, *bank_at, *camera_at;
-    /* The G-code board at axes_at as it has answered. dialect is NULL if it was not asked, and “”
-     * if it did not answer. */
+    /* What the G-code board at axes_at has answered. dialect is NULL if the board was not asked,
+     * and “” if it did not answer. */
     const char *dialect, *firmware;
     int baud;
     /* File with the positions of the lamps (rig/lamp_places.h), or NULL. If far is set, the file

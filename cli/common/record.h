@@ -27,8 +27,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
  * of strings count characters, not bytes. A NULL string is "". */
 void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* The same as record_say(), but without the text if said is FALSE. The values are added in either
- * case. */
+/* The same as record_say(), but adds only the values if said is FALSE. */
 void record_say_if(Record *to, gboolean said, const char *format, ...) G_GNUC_PRINTF(3, 4);
 
 /* Adds only values: record_add(to, "%d{views} %d{lights}", 81, 81). */

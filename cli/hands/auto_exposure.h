@@ -4,9 +4,9 @@
  * exposures_us: up to four lamps (trial.h) are lit one after the other. Each camera takes pictures
  * until one is neither saturated nor dark, and each picture corrects the exposure of the next. At
  * the shortest exposure, saturated_pct % of the pixels of the brightest of these pictures are above
- * 0.7 of the range. The longest exposure brings the 99th percentile of the dimmest picture to 0.2,
- * and is at least four times the shortest. There are two exposures, or three if the longest is more
- * than four times the shortest.
+ * 0.7 of the range. The longest exposure brings the 99th percentile of the dimmest picture to 0.2
+ * of the range, and is at least four times the shortest. There are two exposures, or three if the
+ * longest is more than four times the shortest.
  *
  * laser_exposure_us, laser_short_us: up to two lasers are switched on, without a lamp, and stand
  * still at three places of the sample. The line is assumed to cover as many pixels as half the

@@ -27,7 +27,7 @@ struct compress_asked {
 const GOptionEntry *compress_entries(void);
 
 /* Reads the options of the call. Returns FALSE on bad usage, which has then been reported. Call
- * compress_clear() in either case. */
+ * compress_clear() afterwards, also after FALSE. */
 gboolean compress_ask(const struct call *call, struct compress_asked *ret);
 void compress_clear(struct compress_asked *asked);
 
