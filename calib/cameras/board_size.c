@@ -45,8 +45,8 @@
 /* largest number of markers that fit another size, relative to those that fit the size found */
 #define ALONE 0.7
 /* Largest number of random samples of four corners that are tried for a homography. A size that
- * fewer than AGREEING · ALONE of the markers fit does not matter. With this share of right corners,
- * all four corners of every sixth sample are right. */
+ * fewer than AGREEING · ALONE = 63 % of the markers fit does not matter. If 63 % of the corners are
+ * right, one sample in six has four right corners. */
 #define MAX_SAMPLES 200
 #define TOLERANCE   0.12 /* tolerance of the homography, in marker sides */
 #define ANY_PX      1e6  /* tolerance of a homography that accepts all points */

@@ -1,8 +1,10 @@
-/* Calibrates cameras from pictures of a board on the turntable. The steps are: find the boards,
- * estimate from single pictures how the board lay at each of its positions on the turntable
- * (cameras_start.c; such a position is called a lay), make a first bundle adjustment, search again
- * for all corners where the geometry predicts them, and adjust in rounds with outlier rejection
- * (cameras_refine.c). */
+/* Calibrates cameras from pictures of a board on the turntable, in these steps:
+ *   find the boards;
+ *   estimate the pose of each lay from single pictures (cameras_start.c); a lay is one position of
+ *   the board on the turntable;
+ *   make a first bundle adjustment;
+ *   search again for all corners where the geometry predicts them;
+ *   adjust in rounds with outlier rejection (cameras_refine.c). */
 #include "cameras_private.h"
 
 #include "base/work.h"
@@ -282,8 +284,7 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* Returns a result with the residuals and their RMS, the bend, the angle errors of the stops,
- * and the tilts and azimuths of the lays. The other members are set later. */
+/* Returns a result without the wobble and the camera arm. The caller sets these members. */
 static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
     struct cameras_result *to = g_new0(struct cameras_result, 1);
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));

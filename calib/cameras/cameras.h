@@ -18,9 +18,10 @@
  * the cameras of the rig file. Errors are relative to the flattest board.
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of view)
- * stay near those of the rig file. The prior has the following standard deviations: principal point
- * 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002. For a rational lens, k1
- * … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
+ * stay near those of the rig file. For photographs they stay near a lens without distortion whose
+ * principal point is the middle of the picture. The prior has the following standard deviations:
+ * principal point 2 % of the width (for photographs 10 %), k1 and k2 0.3, k3 0.1, p1 and p2 0.003,
+ * fx / fy 0.002. For a rational lens, k1 … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
  *
  * The lens model is that of the task if the task gives one. Otherwise it is that of the rig file,
  * and for photographs it is chosen by cross-validation over pictures. Five times, each model is

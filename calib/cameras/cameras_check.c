@@ -1,6 +1,6 @@
 /* This file has the checks between the steps of a calibration. If the set of pictures is
  * degenerate, the board is wrong or a camera has moved, a check fails with an error that names the
- * cause, instead of a wrong result. */
+ * cause. Without the check, the result would be wrong. */
 #include "cameras_private.h"
 
 #include <string.h>

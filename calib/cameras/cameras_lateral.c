@@ -1,4 +1,4 @@
-/* This file measures the lateral colour of lenses whose sensors have a colour filter. Each picture
+/* This file measures the lateral colour of the lenses of cameras with a colour filter. Each picture
  * gives the magnification of red and blue relative to green, from the edges at all of its corners
  * with the geometry known. The results of one lens are averaged. */
 #include "cameras_private.h"

@@ -17,7 +17,8 @@ struct seen { /* a picture */
     GArray *corners;
     /* corners of a picture that was rejected because it contradicts the others */
     GArray *set_aside;
-    /* "picture: reason" why the picture is not used; NULL if it is used */
+    /* "picture: reason" why the picture is not used. It has no meaning while corners is not
+     * NULL. */
     char *why;
     gboolean coloured; /* the camera has a colour filter */
 };

@@ -7,8 +7,8 @@
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* smallest residual of an outlier, in units of the noise; a corner whose error is only noise
- * exceeds it with probability 4e-5 */
+/* Smallest residual of an outlier, in units of the noise. A corner whose error is only noise
+ * exceeds it with probability 4e-5. The limit is twice as large after a fit with Huber's loss. */
 #define OUTLIER         4.5
 #define OUTLIER_PX      0.1    /* smaller residuals are never outliers */
 #define ROBUST          3      /* threshold of Huber's loss, in units of the noise */

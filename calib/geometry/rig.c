@@ -516,7 +516,7 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return rig_laser_pose_sheet(&pose, sweep_rad);
 }
 
-/* Returns the position of a point relative to the laser, in the frame of the arc. */
+/* Returns the position of a point relative to the laser, in the frame of the laser's carrier. */
 static struct vec3 way_to(const struct rig_laser_pose *pose, struct vec3 point_mm) {
     return vec3_sub(pose_point_back(&pose->arc, point_mm), pose->laser->position_mm);
 }

@@ -248,11 +248,11 @@ static double lit_from_rad(const struct problem *p, int shot) {
 }
 
 /* Refuses shots that do not light the tile from several sides. Such light separates a lamp's
- * fall-off from the cameras' vignetting. Several sides are lit by the lamp at several angles of the
- * arc or, in a rig where no lamp ever turns, by all lamps together. For a lamp that stands by
- * itself next to an arc, the lamps on the arc determine the vignetting. The fall-off of such a lamp
- * is less certain, as its error says. The product of its fall-off and the vignetting is as certain
- * as for other lamps, and the pictures of the rig depend only on this product. */
+ * fall-off from the cameras' vignetting. Several sides are lit if the arc carries the lamp to
+ * several angles. If the arc never turns, all lamps together must light several sides. For a lamp
+ * that stands by itself next to an arc, the lamps on the arc determine the vignetting. The fall-off
+ * of such a lamp is less certain, as its error says. The product of its fall-off and the vignetting
+ * is as certain as for other lamps, and the pictures of the rig depend only on this product. */
 static gboolean check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
