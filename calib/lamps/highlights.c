@@ -99,8 +99,9 @@ static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     return TRUE;
 }
 
-/* Computes the background level (median) and the smallest peak. 1.4826 · (median − lower quartile)
- * is the robust standard deviation of the darker half. A bright plate does not increase it. */
+/* Computes the background level, which is the median, and the smallest height of a peak. This
+ * height is at least 5 % of the level. 1.4826 · (median − lower quartile) is the robust standard
+ * deviation of the darker half. A bright plate does not increase it. */
 static void background(struct window *w) {
     int n = 0, all = w->width * w->height;
     w->sorted = g_new(float, all);
@@ -336,8 +337,8 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
 }
 
 /* Returns whether a spot is better than the best spot so far. If only one of the two reaches the
- * border of the circle, this spot is better only if it is clearly higher. Otherwise the energy
- * decides. */
+ * border of the circle, that one is better only if it is clearly higher than the other. Otherwise
+ * the energy decides. */
 static gboolean is_better(const struct spot *spot, const struct spot *best) {
     if (best && spot->cut != best->cut)
         return spot->cut ? spot->height * (float)LOWER > best->height

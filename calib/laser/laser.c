@@ -79,7 +79,7 @@ struct problem {
 };
 
 /* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n). The normal is
- * made perpendicular to axis' and then rotated about it by the zero. */
+ * made perpendicular to axis' and then rotated about axis' by the zero. */
 static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
     const struct rig_laser *from = &problem->rig->lasers[i];
     const double *p = x + problem->at[i];

@@ -20,8 +20,9 @@ G_DEFINE_QUARK(laser_plane_error, laser_plane_error)
 /* χ² (2 degrees of freedom) from which a photograph is rejected, relative to the median */
 #define REJECT 20.0
 /* smallest spread of the lines about one line, relative to their length */
-#define MIN_SPREAD   0.02
-#define MAX_TILT_DEG 1.0 /* largest standard error of a plane that counts as determined */
+#define MIN_SPREAD 0.02
+/* largest standard error of the tilt of a plane that counts as determined */
+#define MAX_TILT_DEG 1.0
 #define MIN_SIGMA_MM 1e-6
 #define DEG          (180 / G_PI)
 
