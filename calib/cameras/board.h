@@ -8,10 +8,10 @@
  *               left square is white (white_first);
  *   markers     markers in columns and rows with white gaps (OpenCV's GridBoard): numbered along
  *               rows, from the top. Kalibr's AprilTag grids (kalibr) are numbered along rows from
- *               the bottom; their markers stand on their heads and have a border of two cells, and
- *               black squares touch the corners of the markers;
+ *               the bottom. The markers of such a grid are upside down and have a border of two
+ *               cells, and black squares touch the corners of the markers;
  *   circles     dark circles in columns and rows, or bright ones on a dark ground;
- *   staggered   circles of which every second row is moved right by half the distance of two
+ *   staggered   circles in rows. Every second row is moved right by half the distance of two
  *               neighbours (OpenCV's asymmetric grid).
  *
  * Board frame: millimetres, as printed and seen from above: x to the right, y up, z out of the

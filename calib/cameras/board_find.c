@@ -90,12 +90,12 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
     return fabs(det) > 1e-9;
 }
 
-/* Computes the second-order terms s of a map from the distorted picture to an undistorted one that
- * agrees with it to first order. f and g are the projections with and without distortion, and J and
- * S their first derivatives. For each of three steps h with displacement (x, y) = J h in the
- * picture, J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both projections include
- * perspective, which keeps edges straight, so only distortion remains. On failure the terms stay
- * 0. */
+/* Computes the second-order terms s of a map that removes the lens distortion near a point of the
+ * picture. To first order, the map changes nothing. f and g are the projections with and without
+ * distortion, and J and S their first derivatives. For each of three steps h with displacement (x,
+ * y) = J h in the picture, J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both projections
+ * include perspective, which keeps edges straight, so only distortion remains. On failure the terms
+ * stay 0. */
 static void straighten(const struct board *board, BoardProject project, gconstpointer data,
                        const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <unistd.h>
 
-/* limit of the memory for the frames that are kept; MIN_KEPT frames are allowed in any case */
+/* limit of the memory for the frames that are kept; MIN_KEPT frames may exceed it */
 #define MAX_BYTES (256 << 20)
 #define MIN_KEPT  16u
 #define CPU_S     3600 /* processor time for one video */

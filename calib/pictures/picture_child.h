@@ -14,7 +14,7 @@ G_BEGIN_DECLS
 /* A file for a program to read. */
 struct picture_job {
     const char *program; /* "mesorig-read-raw" or "mesorig-read-video" */
-    const char *path;    /* for messages; the path may have another file by now */
+    const char *path;    /* for messages; at this path there may be another file by now */
     int fd;              /* the file, open for reading */
     guint64 length;      /* bytes of the file */
     int most;            /* largest number of frames of a video to keep; 0 for a raw file */

@@ -11,9 +11,9 @@
 
 G_BEGIN_DECLS
 
-/* Reads a picture as grey; camera raw is read like raw_read_grey(). The values are made linear with
- * the tone curve that the file gives. If the file gives no tone curve, 8 bits are taken as sRGB,
- * and other numbers as linear. 1 is white. */
+/* Reads a picture as grey values. A camera raw file is read with raw_read_grey(). The values of
+ * other files are made linear with the tone curve that the file gives. If the file gives no tone
+ * curve, 8 bits are taken as sRGB, and other numbers as linear. 1 is white. */
 struct picture *picture_read(const char *path, GError **error);
 
 /* The numbers of a colour picture that is not camera raw. */

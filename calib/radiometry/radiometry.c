@@ -56,9 +56,9 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
     return nominal_flat(camera, x_px, y_px) * exp(log);
 }
 
-/* Sums over the pixels of one colour in a cell. squares and triples are for the noise: the sum of
- * its variance estimates, and their number. run is the number of pixels of this colour that follow
- * each other in the row. */
+/* Sums over the pixels of one colour in a cell. squares is a sum of estimates of the noise's
+ * variance, and triples is the number of these estimates. run is the number of pixels of this
+ * colour that follow each other in the row. */
 struct sums {
     double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
     struct vec3 point;

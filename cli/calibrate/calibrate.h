@@ -70,8 +70,8 @@ struct calibrate_job {
 };
 
 /* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job, and
- * frees the members of job at the end. If -o must not be replaced, it fails before the work begins.
- * Returns an exit code; if -o is missing, this is the code of bad usage. */
+ * frees the members of job at the end. If the file of -o must not be replaced, the function fails
+ * before the work begins. Returns an exit code; if -o is missing, this is the code of bad usage. */
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
 
@@ -108,8 +108,9 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
 struct residual;
 void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual);
 
-/* Returns the paths of at most `most` photographs in a folder, sorted by name. Returns NULL with an
- * error if there are none. Hidden files are skipped and added to skipped as "path: reason". */
+/* Returns the paths of the photographs in a folder, sorted by name. If there are more than `most`,
+ * any `most` of them are returned. Returns NULL with an error if there are none. Hidden files are
+ * skipped and added to skipped as "path: reason". */
 GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
                                  GError **error);
 

@@ -5,8 +5,9 @@
 
 extern char *photos_folder, **photos_balls;
 extern double photos_radius_mm, photos_focal_px; /* 0 if not given */
-/* Distance of the lamps from the middle of the dome, or 0. The middle is on the plate on which the
- * balls lie, at these pixels; NULL means the middle of the picture. */
+/* photos_dome_mm is the distance of the lamps from the middle of the dome, or 0. photos_middle says
+ * at which pixels the middle is. It is on the plate on which the balls lie. NULL means the middle
+ * of the picture. */
 extern double photos_dome_mm;
 extern char *photos_middle;
 /* A direction whose standard error is larger than this is refused. */

@@ -59,8 +59,8 @@ extern gboolean cli_force;   /* --force was given: an output may replace an exis
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
 /* Calls output_file_new_locked(), with --force if it was given. */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
-/* The same as cli_output_locked() for a product of a session, whose name Mesorig chooses. A link
- * of that name is replaced, not followed. */
+/* The same as cli_output_locked() for a product of a session. Mesorig chooses the name of the
+ * product. A link of that name is replaced, not followed. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
 /* Tells the user if the output has replaced a file. Adds the value "replaced" to the JSON in any
  * case. */

@@ -1,8 +1,8 @@
 /*
- * A program under test by “mesorig conformance”: it is started, gets requests, and is killed at the
- * end. Every function that waits has a deadline. A check is a function that returns TRUE if the
- * program keeps its promise. Otherwise it calls bench_fail() or bench_skip(), both of which return
- * FALSE.
+ * A program under test by “mesorig conformance”. The program is started, gets requests, and is
+ * killed at the end. Every function that waits has a deadline. A check is a function that returns
+ * TRUE if the program keeps its promise. Otherwise it calls bench_fail() or bench_skip(), both of
+ * which return FALSE.
  */
 #pragma once
 
@@ -103,9 +103,9 @@ void bench_write(struct bench *bench, const char *text);
  * NULL. g_free() */
 char *bench_line(struct bench *bench, const char *method, JsonObject *params, guint64 *ret_id);
 
-/* Waits for the answer to the request with this id. Fails with a verdict, in which method is the
- * name of the request, if no answer comes within wait_ms or if the answer is an error. ret_values
- * may be NULL; json_object_unref(). */
+/* Waits for the answer to the request with this id. Fails with a verdict if no answer comes within
+ * wait_ms, or if the answer is an error. method is the name of the request, for the verdict.
+ * ret_values may be NULL; json_object_unref(). */
 gboolean bench_await(struct bench *bench, guint64 id, const char *method, int wait_ms,
                      JsonObject **ret_values);
 

@@ -13,8 +13,8 @@
 
 /* Views whose elevations differ by less than this are one ring. */
 #define SAME_RING_DEG 1.0
-/* Limits of shares and ratios. Above such a limit (below MEASURED_WARN), a check gives a warning
- * or fails. */
+/* Limits of shares and ratios. A check gives a warning above …_WARN, and fails above …_FAIL. Only
+ * for MEASURED_WARN, the warning is given below the limit. */
 #define RETAKES_WARN     0.01
 #define LATE_WARN        1.25
 #define HOLES_WARN       0.01

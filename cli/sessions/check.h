@@ -29,8 +29,8 @@ struct check {
     GPtrArray *suspicions; /* of char * */
 };
 
-/* Checks a session; a CliWork. data is a struct check of which path, plot and suspicions are set.
- * Fails if there is neither a BTF nor an MDF. Free the results with check_clear(). */
+/* Checks a session; a CliWork. data is a struct check. The caller sets its members path, plot and
+ * suspicions. Fails if there is neither a BTF nor an MDF. Free the results with check_clear(). */
 gboolean check_session(const struct work *work, gpointer data, GError **error);
 void check_clear(struct check *check);
 
