@@ -1,7 +1,7 @@
-/* Photon transfer (EMVA 1288). With the signal S above dark in DN, the temporal variance σ² of a
- * pixel and the gain K in DN per electron, σ² = σ_read² + 1/12 + K·S. Each tile of a pair of
- * pictures gives a point (S, σ²), where S is the mean of both pictures and σ² is half the variance
- * of their difference. */
+/* Photon transfer (EMVA 1288). With the signal S above the black level in DN, which includes the
+ * dark current, the temporal variance σ² of a pixel and the gain K in DN per electron, σ² = σ_read²
+ * + 1/12 + K·S. Each tile of a pair of pictures gives a point (S, σ²), where S is the mean of both
+ * pictures and σ² is half the variance of their difference. */
 #include "photon_transfer.h"
 
 #include <math.h>
@@ -175,9 +175,9 @@ static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     return n > 0 ? sum / n : fit->to->black_dn + fit->to->dark_dn_s * exposure_s;
 }
 
-/* Returns the points of the transfer curve: signal above dark, temporal variance, and number of
- * pixels. A dark pair gives one point. A lit pair gives a point for each tile that is not saturated
- * and is below TRANSFER_TOP. */
+/* Returns the points of the transfer curve: signal above the black level with the dark current,
+ * temporal variance, and number of pixels. A dark pair gives one point. A lit pair gives a point
+ * for each tile that is not saturated and is below TRANSFER_TOP. */
 static GArray *transfer_points(const struct fit *fit) {
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
     double range = full_scale(fit) - fit->to->black_dn;

@@ -102,7 +102,9 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 struct process {
     const char *directory;
     const char *calibration,
-        *path; /* text and origin of the calibration; NULL for that of the session */
+        /* calibration is the text of a calibration, or NULL for that of the session. path is the
+         * origin of the text. */
+        *path;
     gboolean follow, lines_in_pictures, plain_merge, told;
     struct pipeline_result result;
     GPtrArray *causes; /* of char *: why little was measured */
