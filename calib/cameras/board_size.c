@@ -28,9 +28,8 @@
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
 /* distance of tested places from the centre of the next circle, in radii of a circle */
 #define NEAR_EDGE 0.6
-#define NEAR                                                                                       \
-    1.1                 /* black and white are taken from within this distance of a place, in      \
-                         * squares */
+/* black and white are taken from within this distance of a place, in squares */
+#define NEAR       1.1
 #define EDGE_REACH 0.35 /* half the length in which an edge is searched, in squares */
 #define EDGE_STEPS 35
 #define EDGE_OFF   0.08 /* largest deviation of the edge from its place, in squares */

@@ -15,9 +15,8 @@
 
 #define MIN_LEFT  1e-6  /* smallest 1 − l at which a direction of B is used */
 #define MIN_RCOND 1e-15 /* smallest reciprocal condition number of the scaled JᵀJ */
-#define MAX_OWN                                                                                    \
-    (BUNDLE_CAMERA + 6 + 1 + 3 +                                                                   \
-     BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, wobble */
+/* columns of a picture: camera, lay, angle, bend, wobble */
+#define MAX_OWN (BUNDLE_CAMERA + 6 + 1 + 3 + BUNDLE_WOBBLE)
 
 struct factor {
     int n;

@@ -267,8 +267,8 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
         const struct laser_point *p = &problem->points[i];
         if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
             continue;
-        gint64 key = llround(p->sweep_rad * 180 / G_PI *
-                             10); /* tenths of a degree, which distinguish the steps */
+        /* tenths of a degree, which distinguish the steps */
+        gint64 key = llround(p->sweep_rad * 180 / G_PI * 10);
         struct tally *tally = g_hash_table_lookup(steps, &key);
         if (!tally) {
             tally = g_new0(struct tally, 1);

@@ -10,9 +10,8 @@
 #include "base/input_file.h"
 
 #define HEADER 29 /* bytes up to the interlace method */
-#define SAID                                                                                       \
-    (4 << 20) /* number of bytes at the beginning of a file that are searched for the tone curve   \
-               */
+/* number of bytes at the beginning of a file that are searched for the tone curve */
+#define SAID    (4 << 20)
 #define MAX_ROW (64 << 20) /* largest number of bytes of a row */
 
 struct part_reading {

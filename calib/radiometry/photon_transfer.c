@@ -191,8 +191,8 @@ static GArray *transfer_points(const struct fit *fit) {
         for (int k = 0; k < fit->n_tiles; k++) {
             struct tile point = fit->lit[i].tile[k];
             point.mean -= dark_level(fit, k, fit->lit[i].exposure_s);
-            point.mean += fit->to->dark_dn_s *
-                          fit->lit[i].exposure_s; /* dark current also causes shot noise */
+            /* dark current also causes shot noise */
+            point.mean += fit->to->dark_dn_s * fit->lit[i].exposure_s;
             if (point.n > 0 && point.mean < TRANSFER_TOP * range)
                 g_array_append_val(points, point);
         }

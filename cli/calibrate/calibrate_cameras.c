@@ -12,11 +12,11 @@
 #define MAX_PICTURES   20000
 #define KEPT_VECTORS   400 /* maximum number of residuals per camera in the report */
 #define SHORT_PICTURES 5   /* see rows_shown() */
-#define EXIF_OFF                                                                                   \
-    0.1 /* a larger relative difference from the focal length of the EXIF data is probably a       \
-           mistake */
-#define ZOOMED                                                                                     \
-    0.01 /* photographs whose focal lengths differ relatively by more have different zooms */
+/* A relative difference from the focal length of the EXIF data that is larger than this is probably
+ * a mistake. */
+#define EXIF_OFF 0.1
+/* Photographs have different zooms if their focal lengths differ relatively by more than this. */
+#define ZOOMED 0.01
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;

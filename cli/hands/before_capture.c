@@ -69,8 +69,8 @@ gboolean before_capture(Link *link, const struct before_capture *what, char **re
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     *ret_chosen = NULL;
-    while (g_main_context_iteration(
-        NULL, FALSE)) /* handles the property changes since the daemon opened the rig */
+    /* Handles the property changes since the daemon opened the rig. */
+    while (g_main_context_iteration(NULL, FALSE))
         ;
     const char *state = bus_rig1_get_state(link_rig(link));
     const gboolean free_now = g_strcmp0(state, "idle") == 0 || g_strcmp0(state, "done") == 0 ||

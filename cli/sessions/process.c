@@ -101,10 +101,9 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    const char *calibration,
-        /* calibration is the text of a calibration, or NULL for that of the session. path is the
-         * origin of the text. */
-        *path;
+    /* calibration is the text of a calibration, or NULL for that of the session. path is the origin
+     * of the text. */
+    const char *calibration, *path;
     gboolean follow, lines_in_pictures, plain_merge, told;
     struct pipeline_result result;
     GPtrArray *causes; /* of char *: why little was measured */
