@@ -38,8 +38,9 @@ struct cameras_work {
     double lateral_colour[RIG_MAX_CAMERAS][3], lateral_error[RIG_MAX_CAMERAS][3];
     struct lateral *lateral; /* result of each picture; see cameras_lateral.c */
     int steps, step;         /* progress: number of all steps, and of those that are done */
-    double unexplained_px; /* typical residual of the first fit, if it is large and no known mistake
-                              explains it; otherwise 0 */
+    /* Typical residual of the first fit, if it is large and no known mistake explains it. Otherwise
+     * 0. */
+    double unexplained_px;
 };
 
 /* Advice of an error about two exchanged cameras; printf arguments: the names of both. */

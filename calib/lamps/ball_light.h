@@ -54,9 +54,9 @@ double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, d
 
 #define BALL_LIGHT_MAX 16
 
-struct ball_ray {     /* the direction of the light at one ball; lengths are in radii of the balls,
-                         which are equal */
-    struct vec3 from; /* place of the highlight on its ball, relative to any origin */
+/* The direction of the light at one ball. Lengths are in radii of the balls, which are equal. */
+struct ball_ray {
+    struct vec3 from;      /* place of the highlight on its ball, relative to any origin */
     struct vec3 direction; /* unit */
     double sigma_rad;      /* RMS error of the direction */
 };

@@ -51,8 +51,9 @@ struct problem {
     struct drive turntable, arc;
     int *turn, *swing; /* for each sight, the index of the drive's angle, or −1 */
     double (*tilt)[2]; /* for each sight, the tilt of the turntable because of its wobble */
-    double *shift; /* n × 4: derivative of the sight's x and y with respect to the camera's offset
-                      in pixels, across and down */
+    /* n × 4: derivatives of the sight's position with respect to the camera's offset in pixels: x
+     * by across, x by down, y by across, y by down */
+    double *shift;
     int n_parameters;
 };
 

@@ -74,8 +74,9 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
 /* A sight: the measured shadow, highlight or outline of one post or ball in one picture. */
 struct lamp_sight {
     int picture; /* any number, for the caller's messages */
-    int lamp; /* −1 (posts only) for a sight of the post itself, the part of the plate that it hides
-                 from the camera */
+    /* −1 for a sight of the post itself, which is the part of the plate that the post hides from
+     * the camera. Only posts have such sights. */
+    int lamp;
     int camera, mark;
     double turntable_rad, arc_rad;
     /* posts: end of the shadow of the top on the plate, mm, sample frame; balls: px */
@@ -100,10 +101,10 @@ struct lamps_result {
     double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance */
     /* standard errors of these sizes; 0 for marks that were not seen */
     double size_error_mm[LAMP_MAX_MARKS];
-    double rms;                      /* RMS residual of the used sights: mm on the plate, or px */
-    double sigma;                    /* RMS residual over its expected standard deviation */
-    double turntable_rad, drive_rad; /* standard deviations of the angle errors: turntable_rad of
-                                        the turntable, drive_rad of the arc */
+    double rms;   /* RMS residual of the used sights: mm on the plate, or px */
+    double sigma; /* RMS residual over its expected standard deviation */
+    /* standard deviations of the angle errors: of the turntable, and of the arc (drive_rad) */
+    double turntable_rad, drive_rad;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per sight; owned */
 };

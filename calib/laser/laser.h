@@ -31,9 +31,10 @@ struct laser_point {
     double arc_rad, sweep_rad; /* commanded angles of arc and sweep */
     struct vec3 point_mm;      /* rig frame */
     double sigma_mm; /* assumed standard deviation of the point's distance from the sheet */
-    float shift[4];  /* derivative of the point's x and y (mm) with respect to the camera's offset
-                        (px), across and down */
-    float noise_mm;  /* standard deviation that camera noise alone causes; 0 if not known */
+    /* Derivatives of the point's position (mm) with respect to the camera's offset (px): x by
+     * across, x by down, y by across, y by down. */
+    float shift[4];
+    float noise_mm; /* standard deviation that camera noise alone causes; 0 if not known */
     float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0 if not known */
 };
 

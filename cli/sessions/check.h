@@ -10,9 +10,10 @@
 /* The error of interpolation between the measured directions: views and lights that were measured
  * are predicted from the others. */
 struct check_directions {
-    int views, lights; /* numbers that were predicted; both are 0 if there are too few directions,
-                        * or if they cannot be interpolated */
-    double error;      /* RMS of R, G, B, relative to the measured values */
+    /* Numbers of views and lights that were predicted. Both are 0 if there are too few directions,
+     * or if they cannot be interpolated. */
+    int views, lights;
+    double error; /* RMS of R, G, B, relative to the measured values */
 };
 
 struct check {
