@@ -91,8 +91,8 @@ static const GOptionEntry *find_option(const struct command *command, const char
     return NULL;
 }
 
-/* Prints a line if the word begins with the typed text: the word, a tab and its description. before
- * is the beginning of the argument before the word ("--output="). */
+/* Prints a line if the word begins with the typed text: the word, a tab and its description.
+ * `before` is what precedes the word in the same argument, such as "--output=". */
 static void offer(const char *before, const char *word, const char *typed, const char *help) {
     if (!g_str_has_prefix(word, typed))
         return;

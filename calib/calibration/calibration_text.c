@@ -305,7 +305,7 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
-/* Copies to to->extra all sections that are neither the rig's nor in r->taken. Some of these
+/* Copies all sections that are neither the rig's nor in r->taken into to->extra. Some of these
  * sections hold lists of numbers for reports (residuals, steps of a sweep, errors of the turntable,
  * drift of lamps). Returns FALSE with an error if such a list has a number that is not finite. */
 static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,

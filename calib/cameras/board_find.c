@@ -225,8 +225,8 @@ static double tolerance_px(const GArray *markers) {
     return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
 }
 
-/* Returns the number of markers of which at least three corners have a flag in good. good has one
- * flag for each of n corners. */
+/* Returns the number of markers with at least three corners that have a flag in `good`. `good` has
+ * one flag for each of n corners. */
 static int board_find_agree(const guint8 *good, guint n) {
     int markers = 0;
     for (guint i = 0; i + 3 < n; i += 4)

@@ -27,7 +27,7 @@ typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, doubl
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, gconstpointer data, double reach_px, double *ret_fit);
 
-/* Adds the equations of the wanted corners to lateral, with corner_lateral(). wanted has one flag
+/* Adds the equations of the wanted corners to lateral, with corner_lateral(). `wanted` has one flag
  * per id. The corners must lie where the geometry predicts them, within a fraction of a pixel.
  * Returns the number of corners that were added. */
 int board_lateral(const struct picture *picture, const struct board *board, BoardProject project,

@@ -186,9 +186,9 @@ static double student(int freedom) {
 }
 
 /* Computes a camera's covariance V = g (n S + p f C) / (n + p) from n pictures and p parameters,
- * and its inflation f (bundle.h). y has the scores. free has the columns of the camera's p free
- * parameters. at has, for each of the BUNDLE_CAMERA parameters, its index in free, or −1. If p
- * is 0, V is 0 and f is 1. Returns FALSE if LAPACK fails. */
+ * and its inflation f (bundle.h). y has the scores. `free` has the columns of the camera's p free
+ * parameters. `at` has the index in `free` of each of the BUNDLE_CAMERA parameters, or −1. If p is
+ * 0, V is 0 and f is 1. Returns FALSE if LAPACK fails. */
 static gboolean camera_covariance(struct bundle_camera *camera, const struct factor *factor,
                                   const GArray *y, const int *free, int p, const int *at,
                                   int pictures, double *ret_f) {

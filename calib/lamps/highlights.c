@@ -302,8 +302,8 @@ static gboolean alike(const struct spot *best, const struct spot *other) {
            !(other->energy < LOWER * best->energy && other->height < (float)LOWER * best->height);
 }
 
-/* Returns the reason to refuse the best spot, or NULL. best is NULL if no spot may be the lamp.
- * other is the next best spot, or NULL. */
+/* Returns the reason to refuse the best spot, or NULL. `best` is NULL if no spot may be the lamp.
+ * `other` is the next best spot, or NULL. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
                             const struct spot *other) {
     const struct spot *brightest_large = NULL;

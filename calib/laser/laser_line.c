@@ -451,7 +451,7 @@ static gboolean read_profile(const struct look *look, const double from[2], cons
 }
 
 /* Returns Σ (v − A ρ exp(−(u − c)² / 2 w²))², where ρ is the reflectance, and computes its normal
- * equations. free is 2 for A and c, or 3 for A, c and w. */
+ * equations. `free` is the number of free parameters: 2 for A and c, or 3 for A, c and w. */
 static double profile_sum(const struct profile *profile, const double p[N], int free,
                           double h[N * N], double g[N]) {
     double sum = 0;

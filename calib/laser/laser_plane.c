@@ -248,8 +248,9 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
         ret[k][k] += MIN_SIGMA_MM * MIN_SIGMA_MM;
 }
 
-struct weights { /* V⁻¹ of each view, and whether the view is left out; both are kept while the
-                    camera's parameters are varied */
+/* V⁻¹ of each view, and whether the view is left out. Both are kept while the camera's parameters
+ * are varied. */
+struct weights {
     double (*inverse)[2][2];
     gboolean *out;
 };

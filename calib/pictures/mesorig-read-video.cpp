@@ -40,7 +40,7 @@ void merge_windows(GArray *frames) {
 }
 
 /* Keeps a frame if it opens a window, or is sharper than the frame that was kept of its window.
- * every is the length of a window in frames. */
+ * `every` is the length of a window in frames. */
 void take(struct video *video, const cv::Mat &grey, int every) {
     const gsize n = grey.total();
     struct video_frame frame = {video->n_frames, sharpness_of(grey), nullptr};

@@ -27,7 +27,7 @@ typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **er
 /* Runs the program and returns what it has written. Returns NULL with the error of the program or
  * of told, with another error if the program cannot be started, or with PICTURE_FILE_ERROR_IO if it
  * has crashed or has ended without a result. library is the name of the library that reads the
- * file, for messages. told may be NULL. */
+ * file, for messages. `told` may be NULL. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 

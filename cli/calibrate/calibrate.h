@@ -99,7 +99,7 @@ const char *calibrate_left_out(enum calibration_kind kind);
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind);
 
 /* Adds the last lines for people: the number of items that were left out, and a hint if the cameras
- * should be calibrated first. what is the name of the items: "sights". */
+ * should be calibrated first. `what` is the name of the items: "sights". */
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
@@ -185,7 +185,7 @@ struct found_mark {
 /* Adds a mark to the page; does nothing without --found. Any thread, one at a time. */
 void calibrate_found_add(struct calibrate_job *job, const struct found_mark *mark);
 
-/* Writes the page to job->found. why is the error of a calibration that failed, or NULL. */
+/* Writes the page to job->found. `why` is the error of a calibration that failed, or NULL. */
 gboolean calibrate_found_write(struct calibrate_job *job, const GError *why, GError **error);
 
 /* The command `mesorig board`: draws a calibration board as a file to print. */

@@ -379,9 +379,9 @@ static void tell_arm(Record *to, const struct calibration *calibration,
 
 /* Returns the number of rows that the pictures show. A user may have given too many rows. The
  * markers of a ChArUco board are numbered row by row, so the corners of a board with fewer rows are
- * still found at the right places. The result is the board's number of rows, unless at least
- * SHORT_PICTURES pictures end with the same row of corners. Then it is the number of rows that this
- * row of corners implies. */
+ * still found at the right places. If at least SHORT_PICTURES pictures end with the lowest row of
+ * corners that any picture shows, the result is the number of rows that this row of corners
+ * implies. Otherwise, and for other boards, it is the board's number of rows. */
 static int rows_shown(const struct job *job) {
     const GArray *all = job->result->residuals;
     const int across = job->board.columns - 1;

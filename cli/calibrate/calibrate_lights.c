@@ -92,8 +92,8 @@ static gboolean step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Moves the pictures of the array all to the frames of the job. Of a lamp with more than MAX_A_LAMP
- * pictures, moves about MAX_A_LAMP of them, evenly spaced. */
+/* Moves the pictures of the array `all` to the frames of the job. Of a lamp with more than
+ * MAX_A_LAMP pictures, moves about MAX_A_LAMP of them, evenly spaced. */
 static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
     for (guint i = 0; i < all->len; i++)

@@ -75,8 +75,8 @@ static double sharpness(const struct calibrate_video *video, guint i) {
     return g_array_index(video->video->frames, struct video_frame, i).sharpness;
 }
 
-/* Returns the sharpest of the frames that show the board at the same place as frame at, to within
- * least pixels. Frames in which the board is within least pixels of its place in a chosen frame are
+/* Returns the sharpest of the frames that show the board within `least` pixels of its place in
+ * frame `at`. Frames in which the board is within `least` pixels of its place in a chosen frame are
  * not considered. */
 static guint sharpest_beside(const struct calibrate_video *video, const double *places,
                              const double *apart, guint at, double least) {
@@ -112,7 +112,7 @@ static void choose(struct calibrate_video *video, const double *places, const gu
     g_array_sort(video->chosen, by_frame);
 }
 
-/* Returns the name "PATH#FRAME" of a frame. kept is the index of the frame in video->frames. */
+/* Returns the name "PATH#FRAME" of a frame. `kept` is the index of the frame in video->frames. */
 static char *frame_name(const struct calibrate_video *video, guint kept) {
     return g_strdup_printf("%s#%d", video->path,
                            g_array_index(video->video->frames, struct video_frame, kept).index);

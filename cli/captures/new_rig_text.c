@@ -97,7 +97,7 @@ static void append_missing(GString *to, const char *heading, const char *what, G
 }
 
 /* Appends the keys of a program. The name of the device is its last argument, because two sections
- * must not have the same program with the same arguments. name may be NULL. */
+ * must not have the same program with the same arguments. `name` may be NULL. */
 static void append_program(GString *to, const char *driver, const char *place, const char *name) {
     const char *rest = strchr(place, ';');
     const int n = rest ? (int)(rest - place) : (int)strlen(place);

@@ -29,7 +29,7 @@ static gboolean connect_to(Link *link, const char *address, GError **error) {
 }
 
 /* Asks the daemon for its state, because GDBus also makes a proxy if the user may not call the
- * daemon, or if the daemon does not respond. where is a text such as "on the system bus". */
+ * daemon, or if the daemon does not respond. `where` is a text such as "on the system bus". */
 static gboolean may_ask(BusRig1 *rig, const char *where, GError **error) {
     g_autoptr(GError) why = NULL;
     if (bus_rig1_get_state(rig))

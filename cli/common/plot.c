@@ -93,8 +93,8 @@ static void set_heat(cairo_t *cr, double t) {
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
-/* Draws the hemisphere seen from above, with a dot for each direction. The colour of a dot is
- * its error relative to most. The dots are as large as the space allows. */
+/* Draws the hemisphere seen from above, with a dot for each direction. The colour of a dot is its
+ * error relative to `most`. The dots are as large as the space allows. */
 static void draw_disc(cairo_t *cr, double centre, const char *title, const float *theta_deg,
                       const float *phi_deg, const struct compare_sums *sums, int n, double most) {
     const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);

@@ -36,7 +36,7 @@ struct plot_point {
 };
 
 /* Draws rate and distortion: the error against the size, both logarithmic. points are sorted by
- * series and size. Sizes are also shown as ratios to raw_bytes. text says what the error is. */
+ * series and size. Sizes are also shown as ratios to raw_bytes. `text` says what the error is. */
 gboolean plot_curve(const char *path, const char *name, const char *text, double raw_bytes,
                     const struct plot_point *points, int n, GError **error);
 

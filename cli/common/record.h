@@ -44,8 +44,8 @@ void record_variant(Record *to, const char *key, GVariant *value); /* takes a fl
 /* Adds each entry of a value of type "a{sv}" under its own key. */
 void record_variants(Record *to, GVariant *values);
 
-/* Add an array of char *. record_say_strings() also appends a line for each string to the text:
- * before, followed by the string. */
+/* Add an array of char *. record_say_strings() also appends a line for each string to the text. The
+ * line is `before`, followed by the string. */
 void record_strings(Record *to, const char *key, const GPtrArray *values);
 void record_say_strings(Record *to, const char *key, const char *before, const GPtrArray *values);
 /* Adds an array of n numbers. The text shows them with one blank between two numbers, each in the

@@ -44,7 +44,7 @@ gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
     "others)"
 #define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
 
-/* Reads a number of bytes, such as "20MB". text is the value of the option --NAME. If text is NULL,
+/* Reads a number of bytes, such as "20MB". `text` is the value of the option --NAME. If it is NULL,
  * *ret stays as it is. Returns FALSE on bad usage, which has then been reported. */
 gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,
                               gint64 *ret);

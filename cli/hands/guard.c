@@ -150,9 +150,9 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
                     (int)(guard->fiducials->len - from), SYSTEMATIC_PX, MIN_DEG, ret);
 }
 
-/* Finds what has moved from the fiducials of one shot, which begin at index from. A bright sample
- * next to a fiducial may make the fiducial look displaced under one lamp. If there is more than one
- * lamp, two consecutive shots must therefore agree. */
+/* Finds what has moved from the fiducials of one shot. These begin at the index `from`. A bright
+ * sample next to a fiducial may make the fiducial look displaced under one lamp. If there is more
+ * than one lamp, two consecutive shots must therefore agree. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)

@@ -87,7 +87,7 @@ static gboolean write_file(OutputFile *to, const struct lpca *lpca, GError **err
     return TRUE;
 }
 
-/* Computes the model on all ranks. The first rank writes and reports it. to is the output of the
+/* Computes the model on all ranks. The first rank writes and reports it. `to` is the output of the
  * first rank, and NULL on the others. */
 static gboolean compress(const char *path, const struct team *team, OutputFile *to,
                          enum lpca_quantise quantise, GError **error) {

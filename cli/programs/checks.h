@@ -26,7 +26,7 @@ const char *checks_find_class(struct bench *bench);
 
 /* checks_make_unsafe() calls bench_ready(), then switches lamps on or begins to move the axis; a
  * camera is always safe. checks_find_safe() starts the program again and checks that the lamps are
- * off or the axis stands. after says for the verdict what should have made the device safe. */
+ * off or the axis stands. `after` says what should have made the device safe, for the verdict. */
 gboolean checks_make_unsafe(struct bench *bench);
 gboolean checks_find_safe(struct bench *bench, const char *after);
 

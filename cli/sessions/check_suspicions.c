@@ -44,7 +44,7 @@ struct exchanged {
     double cos_one, cos_other; /* cos θ of the light of each pair */
 };
 
-/* Adds a sentence, formatted as by printf(), to the list to. */
+/* Adds a sentence, formatted as by printf(), to the list `to`. */
 G_GNUC_PRINTF(2, 3)
 static void suspect(GPtrArray *to, const char *format, ...) {
     va_list arguments;

@@ -12,7 +12,7 @@ static double most_of(double most, const double *values, int n) {
     return most;
 }
 
-/* Returns the upper end of an axis that has four round steps and contains the value most. */
+/* Returns the upper end of an axis that has four round steps and contains the value `most`. */
 static double round_up(double most) {
     static const double steps[] = {1, 2, 2.5, 5, 10};
     double decade = pow(10, floor(log10(most / 4)));
