@@ -62,8 +62,7 @@ OutputFile *cli_output_locked(const char *path, const char *kind, GError **error
 /* The same as cli_output_locked() for a product of a session. Mesorig chooses the name of the
  * product. A link of that name is replaced, not followed. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
-/* Tells the user if the output has replaced a file. Adds the value "replaced" to the JSON in any
- * case. */
+/* Tells the user if the output has replaced a file. The JSON always gets the value "replaced". */
 void cli_tell_output(Record *to, const OutputFile *file);
 
 /* Decides whether a folder of several files may be written, as cli_output() does for a file.

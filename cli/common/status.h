@@ -17,8 +17,7 @@ void status_say_sentences(Record *to, const char *key, const char *text);
 
 /* Adds a table with the health of each device in a few words, followed by the texts of all faults
  * and of all devices that are not safe. A text is added once, and not if reason contains it. reason
- * must not be NULL.
- * devices is "a(ssss)", the property Devices. While a device has a fault, "ok" is shown as "ok
- * before the fault", because it is the last answer of a device and may be older than the fault of
- * another device. */
+ * must not be NULL. `devices` is "a(ssss)", the property Devices. While a device has a fault, the
+ * "ok" of another device is shown as "ok before the fault", because this answer may be older than
+ * the fault. */
 void status_say_devices(Record *to, GVariant *devices, const char *reason);

@@ -28,7 +28,7 @@ static gboolean get_state(struct bench *bench, struct state *ret) {
                       "“deg”, “moving” and “homed”", "the program %s", error->message);
 }
 
-/* Asks every POLL_MS until the axis stands. Fails if it still moves after limit_s. */
+/* Asks every POLL_MS until the axis stands. Fails if the axis still moves after limit_s. */
 static gboolean await_still(struct bench *bench, double limit_s, const char *after,
                             struct state *ret) {
     const gint64 deadline_us = g_get_monotonic_time() + (gint64)(limit_s * 1e6);
