@@ -26,9 +26,10 @@
  * The lens model is that of the task if the task gives one. Otherwise it is that of the rig file,
  * and for photographs it is chosen by cross-validation over pictures. Five times, each model is
  * fitted to four fifths of the pictures and predicts the corners in the last fifth. In these
- * pictures, only the poses of the boards are fitted. The fisheye replaces the polynomial, and
- * then the rational lens replaces the better of the two, if the loss summed over the pictures falls
- * by more than twice the standard error of the differences.
+ * pictures, only the poses of the boards are fitted. The fisheye is compared with the polynomial,
+ * and then the rational lens with the better of these two. A model replaces another one if it
+ * lowers the loss, summed over the pictures, by more than twice the standard error of the
+ * differences.
  *
  * For photographs the board may be bent, in the same way in all of them: z = b₀ x² + b₁ x y + b₂
  * y². The bend is used if it predicts left-out corners better by more than one standard error. The

@@ -30,8 +30,9 @@ void shadow_view_free(ShadowView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowView, shadow_view_free)
 
 /* Adds a picture, linear grey and of the camera's size. index is copied to the sights. Returns
- * FALSE with an error if the picture has another size, if the plate is dark in it, or if by rig and
- * target the camera does not see the plate or the lamp does not light it. */
+ * FALSE with an error if the picture has another size, or if the plate is dark in the picture. Also
+ * returns FALSE with an error if, according to rig and target, the camera does not see the plate or
+ * the lamp does not light the plate. */
 gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int index, int lamp,
                          double arc_rad, GError **error);
 

@@ -688,8 +688,8 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
  * with LASER_ERROR_MISTAKE. is_mm is the RMS of the lines with the given heights. All cameras see
  * the same line where a sheet cuts a plane. This determines the height of each plane. A single
  * camera that sees a sheet from several sides determines only the ratio of the planes' distances
- * from the camera, so either of two heights may be wrong, and the error names both. In all other
- * cases the standard error of a height is large, and nothing is reported. */
+ * from the camera. Then one or the other of two heights may be wrong, and the error names both. In
+ * all other cases the standard error of a height is large, and nothing is reported. */
 static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
                               const char *const *sweep_names, double is_mm, GError **error) {
     struct height {

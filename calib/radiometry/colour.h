@@ -30,11 +30,14 @@ enum colour_error {
 };
 
 /* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝
- * Y^(−2/3) dY). Returns FALSE with an error if a value is not finite, if there are fewer than 6
- * patches, if the patches do not determine the matrix, if the matrix does not map equal RGB to
- * positive XYZ, or if the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more. The white
- * of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change
- * ΔE. */
+ * Y^(−2/3) dY). Returns FALSE with an error in these cases:
+ * - a value is not finite,
+ * - there are fewer than 6 patches,
+ * - the patches do not determine the matrix,
+ * - the matrix does not map equal RGB to positive XYZ,
+ * - the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more.
+ * The white of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not
+ * change ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 

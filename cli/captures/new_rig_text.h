@@ -69,8 +69,8 @@ int new_rig_lamps(enum new_rig_kind kind);
 char *new_rig_camera(const struct new_rig *rig);
 
 /* Returns a rig file that can be read without a mistake. The devices are those of found (of struct
- * found). A device that is not found gets a section with an invented address, and a line about it,
- * such as “a camera, for [camera cam]”, is appended to missing (of char *, with a free function).
- * Free the result with g_free().
+ * found). A device that is not found gets a section with an invented address. A line about this
+ * device, such as “a camera, for [camera cam]”, is appended to `missing` (of char *, with a free
+ * function). Free the result with g_free().
  */
 char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray *missing);
