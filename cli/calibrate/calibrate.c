@@ -245,7 +245,7 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
                                  GError **error) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
-    for (const char *name; dir && paths->len < most && (name = g_dir_read_name(dir));) {
+    for (const char *name; dir && (name = g_dir_read_name(dir));) {
         if (*name == '.') {
             g_autofree char *path = g_build_filename(folder, name, NULL);
             g_ptr_array_add(skipped, g_strdup_printf("%s: it is a hidden file", path));
@@ -258,8 +258,13 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
             "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder, "
             "and no camera raw: give the folder of the photographs",
             folder);
+    if (paths->len > most)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "%s: there are %u photographs in that folder, but at most %u can be used: move "
+                    "the others to another folder",
+                    folder, paths->len, most);
     g_ptr_array_sort(paths, by_name);
-    return paths->len > 0 ? g_steal_pointer(&paths) : NULL;
+    return paths->len > 0 && paths->len <= most ? g_steal_pointer(&paths) : NULL;
 }
 
 static struct picture *read_exr(const char *path, GError **error) {

@@ -108,9 +108,9 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
 struct residual;
 void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual);
 
-/* Returns the paths of the photographs in a folder, sorted by name. If there are more than `most`,
- * any `most` of them are returned. Returns NULL with an error if there are none. Hidden files are
- * skipped and added to skipped as "path: reason". */
+/* Returns the paths of the photographs in a folder, sorted by name. Returns NULL with an error if
+ * there are none or more than `most`. Hidden files are skipped and added to skipped as
+ * "path: reason". */
 GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
                                  GError **error);
 

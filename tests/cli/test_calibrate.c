@@ -187,6 +187,24 @@ TEST(board) {
     g_free(RUN(1, "board", "/nowhere/board.svg", "--board", "8x8,square=9,marker=6.75"));
 }
 
+/* Which photographs are used must not depend on the order of a folder. */
+TEST(too_many_photographs) {
+    g_autofree char *many = in_folder("many"), *calibration = in_folder("many.calibration");
+    g_assert_cmpint(g_mkdir(many, 0700), ==, 0);
+    for (int i = 0; i < 1001; i++) {
+        g_autofree char *path = g_strdup_printf("%s/%04d.png", many, i);
+        g_assert_true(g_file_set_contents_full(path, "", 0, G_FILE_SET_CONTENTS_NONE, 0600, NULL));
+    }
+    g_autofree char *said = RUN(1, "calibrate", "laser", "--images", many, "-c", "none", "--board",
+                                "8x8,square=9,marker=6.75", "-o", calibration);
+    assert_has(said, "1001 photographs in that folder, but at most 1000 can be used");
+    for (int i = 0; i < 1001; i++) {
+        g_autofree char *path = g_strdup_printf("%s/%04d.png", many, i);
+        g_unlink(path);
+    }
+    g_rmdir(many);
+}
+
 BEFORE_TESTS {
     folder_make();
 }
