@@ -35,7 +35,7 @@ enum btf_flag {
 struct btf_light {
     int index; /* position in the session's list of lights, from 0 */
     double theta_deg, phi_deg;
-    const struct rig_arc *arc; /* borrowed, as is lamp */
+    const struct rig_arc *arc; /* arc and lamp are borrowed */
     const struct rig_lamp *lamp;
     /* NULL for a missing light; not `known` if the lamp is not calibrated */
     const struct radiometry_lamp *radiometry;
@@ -52,13 +52,12 @@ struct btf_light {
 struct btf_view {
     int index; /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
-    const struct rig_camera *camera; /* borrowed, like radiometry and noise */
+    const struct rig_camera *camera; /* camera, radiometry and noise are borrowed */
     /* NULL or not `known` if the camera is not calibrated */
     const struct radiometry_camera *radiometry;
     /* noise of the camera; NULL if it is unknown, so that the errors of all values are unknown */
     const struct transfer *noise;
-    /* RMS distance in the picture between where the camera sees points of the calibration target
-     * and where the calibrated camera model puts these points; 0 if the camera is not calibrated */
+    /* RMS reprojection error of the camera's calibration; 0 if the camera is not calibrated */
     double misregistration_px;
     double turntable_rad;
     struct session_grid grid;
@@ -86,7 +85,7 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 
-/* Returns how the files of views with this number of texels are compressed. */
+/* Returns the compression of the file of a view with as many texels as the grid. */
 enum exr_compression btf_compression(const struct session_grid *grid);
 
 /* Number of texels, and number of texels with each flag, summed over parts. */
@@ -112,6 +111,7 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        GError **error);
 
 /* Reads the attributes OF.theta_deg and OF.phi_deg, where OF is the text `of`: "view" or "light".
- * Returns FALSE if an attribute is missing or not finite; its result is then not finite. */
+ * Returns FALSE if an attribute is missing or not finite. The result for that attribute is then not
+ * finite. */
 gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
                        float *ret_phi_deg);

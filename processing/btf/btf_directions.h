@@ -17,8 +17,8 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
 struct btf_directions *btf_directions_81(void);
 
 /* Reads a table (text_table.h) with the columns "of", "theta_deg" and "phi_deg". "of" is "view",
- * "light" or "both". The error is DATA_ERROR_INVALID, with the file and, for an error of a row, the
- * line. It is set if a column is missing or unknown, if "of" has another text, if θ is not within 0
- * … 89° or φ not within ±720°, if a direction is within 0.01° of an earlier one of its kind, or if
- * there are no views, no lights, or more than 4096 of either. */
+ * "light" or "both". Fails with DATA_ERROR_INVALID if a column is missing or unknown, if "of" has
+ * another text, if θ is not within 0 … 89° or φ not within ±720°, if a view is within 0.01° of an
+ * earlier view or a light within 0.01° of an earlier light, or if there are no views, no lights, or
+ * more than 4096 of either. The message names the file and, for an error in a row, the line. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

@@ -12,14 +12,14 @@
 
 struct btf_scratch;
 
-/* The matrix has n_texels rows (row by row of the picture, row 0 first) of n_views × n_lights ×
- * 3 (R, G, B). */
+/* The matrix has one row for each texel. Texels are numbered row by row of the picture, row 0
+ * first. A row has n_views × n_lights × 3 (R, G, B) values. */
 struct btf_matrix {
     char *name; /* name of the session, for messages and for models made from the BTF */
     struct btf_layout layout;
     float *values; /* height · width rows; NULL if the values are in scratch */
-    /* numbers of texels, summed over the pictures, with each flag of btf.h; holes of imported
-     * pictures also count */
+    /* Numbers of texels with each flag of btf.h, summed over all pictures. Imported pictures have
+     * no flags; `holes` includes the holes that were found in their values. */
     gint64 holes, bounds, shorter, predicted;
     char *directory; /* the session directory */
     struct btf_scratch *scratch;
@@ -32,10 +32,10 @@ char *btf_matrix_session(const char *path);
 
 /* Reads the BTF of a session. path is the session directory or its products/btf. Views without a
  * file are left out. A picture that has only holes becomes black. The error is
- * DATA_ERROR_INCOMPLETE if no view has a file, and DATA_ERROR_INVALID if a view differs from the
- * first one in its lights, from the session's grid in its texels, lacks a colour or an angle, or
- * has values that are infinite, or if memory is refused. Other errors are those of
- * session_check_products() and exr_read(). The progress stage is "read". */
+ * DATA_ERROR_INCOMPLETE if no view has a file. The error is DATA_ERROR_INVALID if the lights of a
+ * view differ from the lights of the first view, if its texels differ from the session's grid, if
+ * it lacks a colour or an angle, if it has infinite values, or if memory cannot be allocated. Other
+ * errors are those of session_check_products() and exr_read(). The progress stage is "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
 /* Does the same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values

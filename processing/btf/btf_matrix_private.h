@@ -5,10 +5,10 @@
 #include "btf_matrix.h"
 #include "exr/exr.h"
 
-/* Opens a BTF. Sets the name, the directory and the layout except its lights and the angles of its
- * views. Gives the paths of the views' files (g_ptr_array_unref()). If verify is TRUE, all files
- * are checked by session_check_products(), and work can cancel the check. Fails if no view has a
- * file. */
+/* Opens a BTF. Sets the name, the directory and the layout, but not yet the lights of the layout
+ * and the angles of its views. Gives the paths of the views' files (g_ptr_array_unref()). If verify
+ * is TRUE, all files are checked by session_check_products(), and work can cancel the check. Fails
+ * if no view has a file. */
 struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
                             GPtrArray **ret_paths, GError **error);
 
@@ -37,7 +37,7 @@ gboolean btf_take_pictures(struct btf_matrix *btf, const struct exr_file *file, 
 gboolean btf_take_view_direction(struct btf_matrix *btf, const struct exr_part *part, int view,
                                  const char *path, GError **error);
 
-/* Writes n texels of a view from texel first on to the scratch file. Does not change the hash of
- * the view. Any thread, also while other threads read or write other texels. */
+/* Writes n texels of a view, beginning with texel first, to the scratch file. Does not change the
+ * hash of the view. Any thread, also while other threads read or write other texels. */
 gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const float *values, GError **error);

@@ -90,17 +90,19 @@ gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);
 
 /* Error bars of a session's whole BTF. */
 struct btf_sigma_sums {
-    int lights, known; /* number of pictures, and number of pictures whose errors are known */
+    int lights, known; /* lights: number of pictures; known: number of pictures with known errors */
     double median;     /* median of sigma.median over the known pictures */
     double relative;   /* median of sigma.relative over the known pictures */
     double share;      /* Σ sigma.rms² / Σ sigma.value² over the known pictures */
     int large;         /* number of pictures whose sigma.relative is above BTF_SIGMA_LARGE */
     double worst;      /* largest sigma.relative */
-    /* Number of captured pictures whose sigma.relative is above BTF_SIGMA_LARGE and more than twice
-     * its median over the captured pictures with the same polar angles of view and light. If there
-     * are fewer than BTF_SIGMA_RING of these, the median over all captured pictures is used. */
+    /* Number of captured pictures whose sigma.relative is above BTF_SIGMA_LARGE and above twice the
+     * usual value. The usual value is the median of sigma.relative over the captured pictures with
+     * the same polar angles of view and light. If fewer than BTF_SIGMA_RING pictures have these
+     * angles, it is the median over all captured pictures. */
     int worse;
-    /* sigma.relative and directions of the picture that is farthest above its median */
+    /* sigma.relative and directions of the picture with the largest ratio of sigma.relative to the
+     * usual value */
     double worse_relative;
     double worse_view_theta_deg, worse_view_phi_deg, worse_light_theta_deg, worse_light_phi_deg;
 };

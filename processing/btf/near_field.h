@@ -45,9 +45,9 @@ struct vec3 near_field_light(const struct near_field *near_field, int view, int 
 /* Returns the irradiance of a texel on a plane that faces the lamp, relative to that of the centre
  * of the sample on a plane that faces the lamp: (r₀ / r)² (cos α / cos α₀)^n. r and r₀ are the
  * distances from the lamp to the texel and to the centre, α and α₀ the angles between the lamp's
- * aim and the way to each, and n its exponent. Returns 1 if there are no positions, and 0 if the
- * lamp does not light the centre. The picture that the lamp makes, relative to a white diffuser in
- * the centre, is ρ times this factor. */
+ * aim and the directions to the texel and to the centre. n is the exponent of the lamp. Returns 1
+ * if there are no positions, and 0 if the lamp does not light the centre. The picture that the lamp
+ * makes, relative to a white diffuser in the centre, is ρ times this factor. */
 double near_field_fall_off(const struct near_field *near_field, int view, int light, int texel);
 
 /* Returns the centre of a texel on the reference plane, in the sample frame. */

@@ -31,11 +31,12 @@ struct resampler {
     /* targets, with guesses in from_views and from_lights */
     struct resampler_target *views, *lights;
     DirectionMesh *to_views, *to_lights; /* meshes of the targets */
-    /* n_views × 2 and n_lights × 2: the points of the targets in the stereographic plane */
+    /* points of the targets in the stereographic plane, n_views × 2 and n_lights × 2 */
     double *to_view_points, *to_light_points;
     /* guesses for the measured directions in to_views and to_lights */
     struct direction_guess *back_views, *back_lights;
-    /* one for each measured view and for each measured light, which its mesh lacks */
+    /* left_views has one element for each measured view, whose mesh lacks this view; left_lights is
+     * the same for lights */
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* texels with an index divisible by left_step take part in the leave-one-out
                       test */
@@ -45,22 +46,30 @@ void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Sums over texels for a measured view: squared differences and squared values (…_norm), R, G, B
- * together, of the round trip (back) and of the leave-one-out tests of views and lights (left). */
+/* Sums over texels for a measured view, over R, G, B together.
+ *   back        squared differences of the round trip from the measured values
+ *   left_view   squared differences in the leave-one-out test of this view
+ *   left_light  squared differences in the leave-one-out tests of all lights in this view
+ * Each member …_norm is the sum of the squared measured values to which the member without _norm is
+ * compared. */
 struct resampler_from {
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
-/* Sums over texels for a target view: the angle to the nearest measured view (moved) and its
- * maximum, the squared differences of uncorrected values from the result (nominal), the squared
- * values of the result (norm), and the share of values beyond the limit of extrapolation. */
+/* Sums over texels for a target view.
+ *   moved_deg      angle to the nearest measured view
+ *   max_moved_deg  maximum of this angle over texels, not a sum
+ *   nominal        squared differences between the values without correction and the result;
+ *                  0 if the targets are not the nominal directions
+ *   norm           squared values of the result that are compared in `nominal`
+ *   clamped        share of the values that lie beyond the limit of extrapolation */
 struct resampler_to {
     double moved_deg, max_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
     struct resampler_from *from;
     struct resampler_to *to;
-    /* mean over the targets of the angle to the nearest measured light, summed over texels, and the
-     * maximum angle */
+    /* light_moved_deg: angle to the nearest measured light, averaged over the target lights and
+     * summed over texels; light_most_moved_deg: maximum of this angle */
     double light_moved_deg, light_most_moved_deg;
     int texels, sampled; /* number of texels, and number of texels in the leave-one-out test */
 };
@@ -71,7 +80,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 
-/* Interpolates one texel. values are measured (near->views.n × near->lights.n × lanes), ret is at
- * the targets (n_views × n_lights × lanes). Adds the errors of the texel to sums. */
+/* Interpolates one texel. values: the measured values, near->views.n × near->lights.n × lanes. ret:
+ * the values at the targets, n_views × n_lights × lanes. Adds the errors of the texel to sums. */
 void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
                      struct resampler_sums *sums);
