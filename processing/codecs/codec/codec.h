@@ -46,8 +46,8 @@ struct codec_job {
 struct codec_result {
     /* the model of the BTF, then the models of its mip levels; the array frees them */
     GPtrArray *levels;
-    /* number of clusters, number of components (terms, lobes, …), and n if the directions are an n
-     * × n grid; each is 0 if the model has none */
+    /* Numbers of clusters and of components (terms, lobes, …), each 0 if the model has none. grid
+     * is n if the directions are an n × n grid, otherwise 0. */
     int clusters, components, grid;
     /* ‖A − Â‖_F / ‖A‖_F of R, G, B, where A is the BTF and Â the model as the file stores it */
     double error;
@@ -109,7 +109,7 @@ struct codec {
     const struct option *options;
     gsize options_size;
     /* Returns NULL, or a sentence without a full stop that says how the options contradict each
-     * other. The function pointer is NULL if they cannot. */
+     * other. The function pointer is NULL if no options contradict each other. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded; /* whether encode() keeps within --memory */
@@ -119,8 +119,8 @@ struct codec {
      * needs -o for its own file */
     gboolean from_process;
     /* whether models know where cameras and lamps were. evaluate() then expects the directions from
-     * the texel to camera and lamp. Other codecs expect those from the centre of the sample, as
-     * those of the layout are */
+     * the texel to camera and lamp. Other codecs expect the directions from the centre of the
+     * sample, like the directions in the layout */
     gboolean geometric;
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,

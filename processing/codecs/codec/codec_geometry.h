@@ -27,8 +27,8 @@ struct codec_geometry {
  * products/mdf.exr. A BTF without a directory has no positions and no points. Fails as
  * near_field_read() and mdf_table_read() do. */
 struct codec_geometry *codec_geometry_read(const struct btf_matrix *btf, GError **error);
-/* Gives the unit vector from the centre of a texel to a position. If positions_mm is NULL, gives
- * the direction of the list. index is that of the position and of the direction. */
+/* Gives the unit vector from the centre of a texel to the position positions_mm[index]. If
+ * positions_mm is NULL, gives the direction with this index in list. */
 void codec_geometry_towards(const struct btf_layout *layout, const float *positions_mm,
                             const struct direction_list *list, int index, int texel, float ret[3]);
 void codec_geometry_free(struct codec_geometry *geometry); /* NULL is ignored */

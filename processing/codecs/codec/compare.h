@@ -21,14 +21,14 @@ struct compare_sums {
 struct comparison {
     int n_views, n_lights;
     struct compare_sums all;
-    /* for each view over all lights; for each light over all views */
+    /* views: for each view, over all lights; lights: for each light, over all views */
     struct compare_sums *views, *lights;
     double largest; /* maximum of |A − B| */
-    /* Means over pictures of the sample, each in one view under one light. A pixel is a texel.
-     * There are n_pictures, at most one for each pair of a view and a light, at most
-     * COMPARE_PICTURES (compare_private.h), and fewer if the pictures are large. The pairs are
-     * drawn at random. Calls with the same numbers of texels, views and lights draw the same
-     * pairs. */
+    /* ssim and flip are means over n_pictures pictures of the sample. A picture shows the sample in
+     * one view under one light, and a pixel is a texel. The pairs of view and light are drawn at
+     * random, without repetition. There are at most COMPARE_PICTURES (compare_private.h) pictures,
+     * and fewer if they are large. Calls with the same numbers of texels, views and lights draw the
+     * same pairs. */
     int n_pictures;
     double ssim; /* mean of metrics/ssim.h; NaN if the sample has less than 11 × 11 texels */
     double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */

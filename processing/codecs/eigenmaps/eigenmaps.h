@@ -38,8 +38,9 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
  * B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Callback that gives a part of a column: either n lights from light `first` on (n × height × width
- * × 3), or n texels from texel `first` on (n_lights × n × 3). */
+/* Callback that gives a part of a column. If `lights` is set in struct eigenmaps_options, the part
+ * has n lights from light `first` on (n × height × width × 3). Otherwise, it has n texels from
+ * texel `first` on (n_lights × n × 3). */
 typedef gboolean (*EigenmapsPart)(int view, gsize first, gsize n, float *ret, gpointer data,
                                   GError **error);
 
@@ -47,8 +48,8 @@ typedef gboolean (*EigenmapsPart)(int view, gsize first, gsize n, float *ret, gp
  * entry with the largest magnitude is positive. The result does not depend on the number of
  * threads. *ret_error is ‖A − Â‖_F / ‖A‖_F, where Â is the matrix that weights and maps give. If
  * all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. Fails if n_terms
- * is not 1 … n_views, if column() fails or gives a value that is infinite or NaN, if the memory is
- * not there, or if LAPACK fails. */
+ * is not 1 … n_views, if column() fails or gives a value that is infinite or NaN, if memory cannot
+ * be allocated, or if LAPACK fails. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
@@ -63,8 +64,8 @@ double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
  * only 5e-4. If only m columns fit into memory, each column is requested about n_views / m / 2 + 2
  * times.
  *
- * Randomised method: each column is requested twice. With a target, a number of terms whose error
- * is still too large is raised, and each such trial requests each column once more. The range of Aᵀ
+ * Randomised method: each column is requested twice. With a target, the number of terms is raised
+ * while the error is too large, and each such trial requests each column once more. The range of Aᵀ
  * is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson and Tropp
  * 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with a random sign, to one
  * of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto the first n_terms right
@@ -77,8 +78,8 @@ struct eigenmaps_options {
      * means EIGENMAPS_MEMORY */
     gsize memory;
     /* 0, or the largest error that is allowed. n_terms is then the maximum number of terms, and is
-     * lowered to the smallest number with such an error. If n_terms terms have a larger error, the
-     * computation fails */
+     * lowered to the smallest number with which the error is at most target. If the error of
+     * n_terms terms is above target, the computation fails */
     double target;
     enum eigenmaps_method method;
     /* NULL, or a folder for an unnamed file, in which the maps are kept as floats. The method is

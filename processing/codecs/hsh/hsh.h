@@ -44,9 +44,9 @@ struct hsh {
     struct btf_layout layout;
     int n_terms;   /* 4, 9 or 16 */
     float *values; /* c_i: n_views × height × width × n_terms × 3 (R G B) */
-    /* error is the relative RMS error of R, G, B against the encoded BTF, luminance_error the mean
-     * of |Y − Ŷ| (Y of rgb_luminance()). exact_error is the relative RMS error before the values
-     * were rounded to half floats. */
+    /* error            relative RMS error of R, G, B against the encoded BTF
+     * luminance_error  mean of |Y − Ŷ| (Y of rgb_luminance())
+     * exact_error      relative RMS error before the values were rounded to half floats */
     double error, luminance_error, exact_error;
 };
 

@@ -20,7 +20,7 @@
  *   ashikhmin  s = √((U+1)(V+1)) / 8 · hn^((U hx² + V hy²)/(1 − hn²))
  *                  · n·l / (h·l · max(n·l, n·v, 0.1))
  *              (Ashikhmin & Shirley 2000, without the Fresnel factor)
- * Both are π f_r n·l, because values are relative to a white diffuser.
+ * For both models, s is π f_r n·l, because values are relative to a white diffuser.
  *
  * No half float overflows: the exponents N lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT. The peak
  * of a lobe, |(X, Y, Z)|^N, is at most LOBES_MAX_PEAK and at most four times the brightest value to
@@ -69,9 +69,9 @@ struct lobes {
      *   lafortune  D, k × X Y Z N
      * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
     float *values;
-    /* error is the relative RMS error of R, G, B against the encoded BTF, luminance_error the mean
-     * of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error is the relative RMS error before the
-     * values were rounded to half floats. */
+    /* error            relative RMS error of R, G, B against the encoded BTF
+     * luminance_error  mean of |Y − Ŷ| (Meseth et al. 2003, Table 1)
+     * exact_error      relative RMS error before the values were rounded to half floats */
     double error, luminance_error, exact_error;
 };
 

@@ -29,9 +29,10 @@ struct lobes_fit {
 /* Returns the number of parameters of one problem. */
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
-/* rows is n × n_views × n_lights of luminance, NaN for missing values. parameters is n ×
- * lobes_fit_parameters(): initial values before the call, the result after it. ret_costs is n sums
- * of squared residuals, or NULL. Returns the number of steps in all problems together. */
+/* Solves n problems. rows: luminances, n × n_views × n_lights; NaN for missing values. parameters:
+ * n × lobes_fit_parameters(), initial values before the call, the result after it. ret_costs: the
+ * sum of squared residuals of each problem; may be NULL. Returns the number of steps in all
+ * problems together. */
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 

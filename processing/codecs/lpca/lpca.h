@@ -3,14 +3,15 @@
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * The texels are clustered in a space of fewer dimensions. The principal axes that a cluster has in
- * this space give coordinates of its texels. The w_i of the cluster are linear combinations of
- * these coordinates. The E_i have all dimensions, and are the best E_i for these w_i. Reading the
- * BTF twice is therefore sufficient. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) −
- * E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k
- * and has the weight 1 (§4 of the paper omits it from its sum). Values contain n·l. The E_{i,k}, i
- * ≥ 1, are orthonormal and sorted by the variance that they explain. Leaving out the last ones is
- * therefore optimal for a smaller number of them. The E_{i,k} that a cluster does not need are 0.
+ * The texels are clustered in a space of fewer dimensions. The coordinates of a texel are those
+ * along the principal axes of its cluster in this space. The w_i of the cluster are linear
+ * combinations of these coordinates. The E_i have all dimensions, and are the best E_i for these
+ * w_i. Reading the BTF twice is therefore sufficient. For packed local PCAs, as in the paper,
+ * w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the
+ * mean of cluster k and has the weight 1 (§4 of the paper omits it from its sum). Values contain
+ * n·l. The E_{i,k}, i ≥ 1, are orthonormal and sorted by the variance that they explain. The first
+ * ones are therefore the best choice for a smaller number of components. The E_{i,k} that a cluster
+ * does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)

@@ -17,8 +17,8 @@ struct lpca_target {
 /* Tries 1, 2, 4, … clusters, until two tries in a row do not improve the result, or until there
  * would be more clusters than texels or LPCA_MAX_CLUSTERS. options gives everything except
  * clusters, components, target and nearest. With a target error, returns the smallest local PCA
- * that reaches the error. It is at most as large as the target size or, without a target size,
- * about as large as the BTF in half floats. Without a target error, returns the local PCA with the
+ * that reaches the error. Its size is at most the target size. Without a target size, the limit is
+ * about the size of the BTF in half floats. Without a target error, returns the local PCA with the
  * smallest error that is at most as large as the target size. If more clusters do not fit into
  * memory, the best result so far is returned. The result is LPCA_FLOAT. If no local PCA reaches the
  * target, returns NULL with DATA_ERROR_INVALID, and the message describes the local PCA that comes

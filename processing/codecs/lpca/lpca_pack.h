@@ -17,12 +17,12 @@
  *   part "colour_axes"      the same for colours, 3 × 3, float
  *   parts "tables", "maps"  channel "BITS", float, height 1: four bytes of an xz stream per pixel,
  *                           not numbers. The first mesorig.bytes (int) of them are valid
- * A reader makes the rows of each of these matrices of axes orthonormal by Gram–Schmidt
- * orthogonalisation, from the first row on.
+ * A reader makes the rows of each matrix of axes orthonormal by Gram–Schmidt orthogonalisation,
+ * from the first row on.
  *
- * An xz stream contains one byte for each number n: 2n, or −2n − 1 if n < 0, or 255 if that value
- * is 255 or larger. After all of these bytes it contains 4 bytes (low byte first) for each such
- * larger value, minus 255.
+ * An xz stream contains one byte for each number n. Let m be 2n if n ≥ 0, otherwise −2n − 1. The
+ * byte is m if m < 255, otherwise 255. After the bytes of all numbers, the stream contains m − 255
+ * in 4 bytes (low byte first) for each m ≥ 255.
  *
  * The numbers of tables are sorted by pairs of a view's axis v and a light's axis l: by (v + 3)(l +
  * 3), then by v. Each pair has the three colours one after another, and each colour the tables of
@@ -43,8 +43,8 @@ struct lpca_packer;
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads);
 void lpca_packer_free(struct lpca_packer *packer); /* NULL is ignored */
 
-/* Returns a local PCA (LPCA_PACKED) whose numbers are rounded to whole multiples of step, and which
- * can be written. Last components of which all numbers round to 0 are left out. The member `error`
+/* Rounds all numbers to whole multiples of step. Returns a local PCA (LPCA_PACKED) that can be
+ * written. Components at the end are left out if all their numbers round to 0. The member `error`
  * of the result is not set. step is above 0, in the units of the BTF. */
 struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
 
@@ -56,12 +56,12 @@ double lpca_mean_size(const struct lpca *lpca);
  * or 0 with an error. */
 gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
-/* Computes a packed local PCA of one cluster with as many components as needed. Its step is the
- * coarsest with which the error is at most target->error, or the finest with which the file has at
- * most target->bytes. target->n_components is the maximum number of components (0 means
- * LPCA_MAX_PACKED). Other members of target are ignored. The member `error` of the result is set.
- * If the target is not reached, returns NULL, and the GError describes the result that comes
- * nearest. */
+/* Computes a packed local PCA of one cluster with as many components as needed. With target->error,
+ * the step is the coarsest one with which the error is at most target->error. With target->bytes,
+ * the step is the finest one with which the file has at most target->bytes. target->n_components is
+ * the maximum number of components (0 means LPCA_MAX_PACKED). Other members of target are ignored.
+ * The member `error` of the result is set. If the target is not reached, returns NULL, and the
+ * GError describes the result that comes nearest. */
 struct lpca_target;
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_target *target, GError **error);

@@ -14,8 +14,8 @@ void lpca_share(const struct team *team, void *values, int n, int step, gsize si
 
 /* lpca_keep_whole() registers the arrays of a local PCA with the checkpoint under a name. The local
  * PCA must exist until lpca_drop_whole(). lpca_kept_whole() returns a new local PCA with the arrays
- * that an earlier call has saved, but without colours and error. It returns NULL if none of this
- * size was saved. */
+ * that an earlier call has saved, but without colours and error. It returns NULL if no arrays of
+ * these sizes were saved. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
 struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
@@ -26,8 +26,8 @@ void lpca_packed_free(struct lpca_packed *packed);
 
 #define LPCA_BLOCK 1024 /* number of texels that are refined together */
 
-/* Makes the n rows orthonormal; length ≥ n. A row that depends linearly on earlier rows becomes 0
- * with drop, and without drop any vector that is orthogonal to the earlier rows. */
+/* Makes the n rows orthonormal; length ≥ n. If drop is TRUE, a row that depends linearly on earlier
+ * rows becomes 0. Otherwise, it becomes any unit vector that is orthogonal to the earlier rows. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop);
 
 struct lpca_run;
@@ -38,8 +38,8 @@ struct lpca_reduced {
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* gives threads, progress, cancellable and team */
     struct lpca_run *run; /* the run whose checkpoint saves the state of the clustering, or NULL */
-    /* requested numbers of clusters and components; lpca_cluster() lowers k to the number of
-     * clusters that have rows */
+    /* k: requested number of clusters, which lpca_cluster() lowers to the number of clusters that
+     * have rows; c: number of components */
     int k, c;
     int *labels;  /* n: cluster of each row */
     float *means; /* k × r: mean of each cluster */
@@ -72,7 +72,7 @@ enum lpca_stage {
 struct lpca_state {
     gint32 form, n_clusters, n_components, colours, to_pack; /* arguments of the call */
     gint32 stage;                                            /* enum lpca_stage */
-    gint32 c, k;      /* present number of components, and of clusters that are left */
+    gint32 c, k;      /* c: present number of components; k: number of clusters that are left */
     gint32 iteration; /* number of the next iteration of clustering */
     /* few: the largest number of components known to miss the target; enough: the smallest number
      * known to reach the target; each is 0 if none is known */
@@ -104,7 +104,8 @@ enum lpca_kept {
 struct lpca_run {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    /* number of texels, of values of a texel, and of values of a texel in one view */
+    /* n: number of texels; d: number of values of a texel; columns: number of values of a texel in
+     * one view */
     int n, d, columns;
     int first, end;
     float *mean; /* d: mean of the sample, which is subtracted from the texels' values */
@@ -120,8 +121,8 @@ struct lpca_run {
 };
 
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
- * run->state to the saved state if a call with the same arguments saved it, otherwise to the state
- * of a new computation. */
+ * run->state to the state that a call with the same arguments saved. If there is no such state,
+ * lpca_resume() sets run->state to the state of a new computation. */
 void lpca_resume(struct lpca_run *run);
 /* Drops all arrays from the checkpoint. Arrays that were given to lpca_keep() may be freed
  * afterwards. */

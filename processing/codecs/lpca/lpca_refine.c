@@ -433,7 +433,8 @@ static void compare_block(int block, gpointer data) {
         gsize stride;
         const int from = run->first + block * LPCA_BLOCK;
         const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
-        /* sums of squares of the errors, and of the values, in R, G, B */
+        /* sums[0]: sum of squared errors; sums[1]: sum of squared values; both over R, G and B
+         * together */
         double *sums = refine->sums + (gsize)(2 * block);
         for (int i = 0; i < groups.n; i++)
             for (gsize j = 0; j < columns; j++) {

@@ -17,10 +17,10 @@ struct mdf_source {
 /* Reads a file of any form. Returns NULL with an error if the file is missing or damaged. Grazing
  * views are added to tables (mdf_table_add_grazing()). Any thread. */
 struct mdf_source *mdf_source_read(const char *path, GError **error);
-/* Returns whether the tile of an MDF has the size in mm of the material that it shall be drawn
- * with, within 1 %. `mdf` is a file of any form. `material` is a session, its products/btf or a
- * compressed file. Only headers are read. Returns FALSE with an error that names both sizes.
- * Returns TRUE if a file cannot be read or has no size, because its reader gives that error. Any
- * thread. */
+/* Returns whether the tiles of an MDF and of a material, which are to be drawn together, have the
+ * same size in mm, within 1 %. `mdf` is a file of any form. `material` is a session, its
+ * products/btf or a compressed file. Only headers are read. Returns FALSE with an error that names
+ * both sizes. Returns TRUE if a file cannot be read or has no size, because its reader gives that
+ * error. Any thread. */
 gboolean mdf_source_fits(const char *mdf, const char *material, GError **error);
 void mdf_source_free(struct mdf_source *source); /* also frees the members; NULL is ignored */
