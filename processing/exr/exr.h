@@ -115,8 +115,9 @@ void exr_part_drop_planes(struct exr_part *part);
 gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
                          enum exr_compression compression, gboolean sync, GError **error);
 
-/* Sets the callback of the calling thread that is told how much of a file has been read, as a share
- * of 0 … 1. If the callback returns FALSE, reading is cancelled. NULL removes the callback. */
+/* Sets a callback for the calling thread. While a file is read, the callback is told which share of
+ * the file has been read, 0 … 1. If the callback returns FALSE, reading is cancelled. NULL removes
+ * the callback. */
 typedef gboolean (*ExrWatch)(double share, gpointer data);
 void exr_watch(ExrWatch watch, gpointer data);
 

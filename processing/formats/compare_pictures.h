@@ -10,7 +10,8 @@ struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
     double delta_e_different; /* mean CIEDE2000 of the pixels that differ; 0 if there are none */
-    /* 95th percentile and maximum of CIEDE2000 over the pixels that differ; 0 if there are none */
+    /* p95, largest: 95th percentile and maximum of CIEDE2000 over the pixels that differ; both are
+     * 0 if no pixel differs */
     double p95, largest;
     double different; /* share of the pixels that differ */
     /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */

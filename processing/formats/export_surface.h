@@ -18,27 +18,28 @@ struct export_surface_options {
 };
 
 struct export_surface_result {
-    /* seen is the number of points of all views. points is the number of points written; for a map
-     * it is the number of texels with a value. */
+    /* seen: number of points of all views. points: number of points written, or for a map the
+     * number of texels with a value. */
     gint64 seen, points;
-    /* numbers of views of the MDF, of texels of the session, and of texels of a map without a value
-     * (0 for EXPORT_POINTS) */
+    /* n_views: number of views of the MDF. texels: number of texels of the session. holes: number
+     * of texels of a map without a value, 0 for EXPORT_POINTS. */
     int n_views, texels, holes;
-    int stacked; /* number of texels of a map with structure below structure */
+    int stacked; /* number of texels of a map with several layers */
 };
 
 /* Exports products/mdf.exr. EXPORT_POINTS writes a binary PLY. Each point has x, y, z, nx, ny, nz
  * (float), the RMS distance of the fused points along the normal in mm (float) and the number of
  * views (uchar). All points in a cube whose side is the width of a texel become one point, their
- * weighted mean. The weight of a point is 1/σ² (σ: standard error of the MDF) times the cosine
- * between normal and camera. EXPORT_HEIGHT writes an EXR with a part "height" on the session's
- * texels. "Z" is the median height in mm, and "S" half the interquartile range of the heights in
- * mm. "N" is the number of points. It is 0 for a hole, and −1 if there are several layers; Z is
- * then the height of the upper layer. EXPORT_NORMALS writes a part "normals" with "X", "Y", "Z",
- * which are all 0 in a hole. Both maps have the attributes mesorig.kind, texel_mm, reference_mm,
- * holes and stacked. If more than a twentieth of the texels with a value has structure below
- * structure, the structure is not a height field. Maps are then refused unless options->layered is
- * set. A map without any value is an error. */
+ * weighted mean. The weight of a point is 1/σ² (σ: standard error of the MDF) times the cosine of
+ * the angle between the normal and the direction to the camera. EXPORT_HEIGHT writes an EXR with a
+ * part "height" on the session's texels. "Z" is the median height in mm, and "S" half the
+ * interquartile range of the heights in mm. "N" is the number of points. It is 0 for a hole, and −1
+ * if there are several layers; Z is then the height of the upper layer. EXPORT_NORMALS writes a
+ * part "normals" with "X", "Y", "Z", which are all 0 in a hole. Both maps have the attributes
+ * mesorig.kind, texel_mm, reference_mm, holes and stacked. If more than a twentieth of the texels
+ * with a value have several layers (structure below structure), the structure is not a height
+ * field. Maps are then refused unless options->layered is set. A map without values is an error.
+ */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,
                         struct export_surface_result *ret, GError **error);

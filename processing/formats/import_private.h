@@ -85,8 +85,9 @@ struct import_light {
     double theta_deg, phi_deg;
     /* whether the light is too low to light the sample, so that the picture is left out */
     gboolean on_horizon;
-    /* Position of the lamp, from the middle of the imported texels, and exponent n of its fall-off
-     * cos^n away from its aim, which is this middle; only if placed is TRUE. */
+    /* If placed is TRUE, position_mm is the position of the lamp from the middle of the imported
+     * texels. The lamp aims at this middle, and exponent is the n of its fall-off cos^n away from
+     * the aim. */
     gboolean placed;
     struct vec3 position_mm;
     double exponent;

@@ -8,8 +8,8 @@
 
 struct surface_point {
     struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
-    /* cosine between normal and camera, divided by the square of the point's standard error in
-     * texels */
+    /* cosine of the angle between the normal and the direction to the camera, divided by the square
+     * of the point's standard error in texels */
     float weight;
     int view; /* position of the view's part in the MDF's file, from 0 */
 };

@@ -20,8 +20,8 @@
  *   FMF    Signature "!FMF06FCR", or "!FMF12FCER", which has a version and further fields. One
  *          matrix, factored into U and S·V. Its rows are (view, light, channel) and its columns
  *          texels, or its rows are (texel, channel) and its columns (view, light).
- *   DFMF   Signature "!DFMF08FCR". One matrix per channel. Before the factorisation, a colour model
- * has made the channels independent.
+ *   DFMF   Signature "!DFMF08FCR". One matrix per channel. A colour model has made the channels
+ *          independent before the factorisation.
  *
  * Matrices are stored row by row. Texels are stored row by row too, and the first row is at +y.
  * Hostile files are refused: all sizes are compared with the file's length before memory is

@@ -39,8 +39,9 @@ gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *heade
 /* Appends the header of a file to the bytes. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 
-/* of_texel[i] is the position of texel i among the stored texels, or −1 if the texel is not stored,
- * or if the mask of a file that is read leaves the texel out. A full file stores all texels. */
+/* of_texel[i] is the position of texel i among the stored texels, or −1 if the texel is not stored.
+ * A full file stores all texels. In a file that is read, texels outside of its mask also have −1.
+ */
 struct bonn_index {
     gint32 *of_texel;
     int n_stored;
