@@ -13,16 +13,17 @@ struct laser_frames {
      * frame; NAN if there is no line */
     double *middle;
     double *error; /* standard error of middle, rad */
-    /* Results, n values each, allocated by the caller. level, rad: median of middle over all
-     * frames, or over the 21 nearest frames with a line if their median differs significantly from
-     * that of all frames, plus the robust mean of the deviations from these medians. A frame
-     * without a line has the level of the nearest frame with a line. */
+    /* Results, n values each, allocated by the caller. level, rad: a median of middle plus a shift.
+     * The median is taken over all frames, or over the 21 nearest frames with a line if these two
+     * medians differ significantly. The shift is the same for all frames: the robust mean of the
+     * deviations of middle from the medians. A frame without a line has the level of the nearest
+     * frame with a line. */
     double *level;
     /* rad: deviation of middle from level, shrunk according to its error; 0 for outliers and for
      * frames without a line */
     double *own;
-    /* Result: mean level of frames with a line, and its standard error, rad. The error is INFINITY
-     * if all frames count as outliers. */
+    /* Result, rad: offset is the mean level of the frames with a line, and offset_error is the
+     * standard error of offset. offset_error is INFINITY if all frames count as outliers. */
     double offset, offset_error;
     int lines; /* result: number of frames with a line */
 };

@@ -27,7 +27,8 @@ struct rows {
 };
 
 struct Rectify {
-    /* number of texels, number of texels per row, and number of texels outside of the picture */
+    /* n_texels: number of texels; columns: number of texels per row; n_outside: number of texels
+     * outside of the picture */
     int n_texels, columns, n_outside;
     int width, height; /* size of the mosaic in pixels */
     /* number of values in a padded row; padded, because windows may reach beyond the border */
@@ -81,8 +82,8 @@ static inline const float *rectify_weights_of(const struct rows *rows, int texel
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* Weighted sums over a window: of the pixels of a colour, and of the predictions for this colour
- * from other pixels. */
+/* Weighted sums over a window, for each colour: own is over the pixels of this colour; others is
+ * over the predictions for this colour from the other pixels. */
 struct tally {
     float own[3], others[3];
 };

@@ -42,7 +42,7 @@ struct record {
 
 struct Sweep {
     gsize n_pixels, n_vectors;
-    int n_frames, count; /* number of frames in all, and of frames added so far */
+    int n_frames, count; /* n_frames: number of frames of the sweep; count: number added so far */
     int first;           /* first frame that is included in the backgrounds */
     guint16 saturation, margin;
     guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
@@ -55,8 +55,8 @@ struct Sweep {
     guint16 *opening;
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
-    /* number of records, number for which memory is allocated, and number above which the margin
-     * grows */
+    /* n_records: number of records; room: number of records for which memory is allocated; crowded:
+     * number of records above which the margin grows */
     gsize n_records, room, crowded;
     const Sweep *shorter; /* the sweep of sweep_set_shorter(); NULL if there is none */
     float ratio;          /* exposure of this sweep, as a multiple of that of shorter */

@@ -8,8 +8,8 @@
  * background. A sample belongs to a line if it exceeds the background by the noise margin. The
  * noise is measured in the first two frames; the margin is at least 4 DN, and grows if too many
  * samples exceed it. If one of the first five frames shows that the whole picture of an earlier
- * frame was lit differently, all frames before the later one are left out. Feed the frames in
- * order, each once. One thread at a time.
+ * frame was lit differently, the sweep starts again with this later frame, and all frames before it
+ * are left out. Feed the frames in order, each once. One thread at a time.
  */
 #pragma once
 

@@ -11,11 +11,12 @@ struct sweep_samples {
     const int *frame;
     const float *value;  /* DN above background */
     const float *gain;   /* factor that was applied to each value; NULL if none was */
-    int n, first, count; /* number of samples; first frame of the backgrounds; number of frames */
+    int n, first, count; /* n: number of samples; first: first frame of the backgrounds; count:
+                            number of frames */
     float full;          /* values from here on are saturated */
     float margin;        /* values up to here do not belong to a line */
-    float pedestal;      /* mean of the samples without a line above the background, which is their
-                            minimum, in DN */
+    float pedestal; /* DN: mean minus minimum of the samples without a line; the background is this
+                       minimum */
 };
 
 struct sweep_pulse {
