@@ -8,8 +8,8 @@
 #include "maps_fit.h"
 
 #define MAPS_COLUMNS 3 /* the columns of the linear solution: d, S, e */
-/* The shape of a texel's lobes: the normal's x and y; p, q, r, with log αt, log αb = p ± |(q, r)|
- * and t at ½ atan2(r, q); and w. */
+/* The shape of a texel's lobes: x and y of the normal, then p, q and r, then w. p, q and r give log
+ * αt, log αb = p ± |(q, r)| and the angle ½ atan2(r, q) of t. */
 #define MAPS_SHAPE 6
 
 /* The planes of struct maps_pairs, each of n numbers: x, y, z of the unit vectors of view (V),
@@ -142,8 +142,9 @@ struct maps_clusters {
     int n;
     guint8 *labels;                                /* of each texel, 0 … n − 1 */
     struct maps_parameters medians[MAPS_CLUSTERS]; /* the median of each parameter */
-    /* whether the cluster is a metal: the median of the diffuse part is less than MAPS_METAL of all
-     * its texels reflect. All texels of a metal have metallic 1, all others 0. */
+    /* Whether the cluster is a metal. It is a metal if the diffuse part of the reflectance has a
+     * share of less than MAPS_METAL (median over the texels of the cluster). All texels of a metal
+     * have metallic 1, all others 0. */
     gboolean metal[MAPS_CLUSTERS];
 };
 #define MAPS_METAL 0.08F
@@ -165,9 +166,9 @@ struct maps_refine_prior maps_clusters_prior(const struct maps_clusters *cluster
                                              const struct maps_parameters *texels, int width,
                                              int height, int texel);
 
-/* Solves A x = b for n unknowns by Cholesky's method. a holds the rows of A, the beginning of each
- * `stride` values after that of the row before. b becomes x, and A is overwritten. Returns FALSE if
- * A is not positive definite. Inline, because a loop over a constant n is faster. */
+/* Solves A x = b for n unknowns by Cholesky's method. a holds the rows of A; each row begins
+ * `stride` values after the beginning of the row before. b becomes x, and A is overwritten. Returns
+ * FALSE if A is not positive definite. Inline, because a loop over a constant n is faster. */
 static inline gboolean maps_cholesky(int n, int stride, double *a, double *b) {
     for (int j = 0; j < n; j++) {
         double *diagonal = &a[j * stride + j];

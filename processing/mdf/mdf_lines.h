@@ -5,8 +5,8 @@
 #include "exr/exr.h"
 
 struct mdf_lines {
-    /* number of all sweeps, of sweeps with a line, and of sweeps whose line contradicts the
-     * calibration */
+    /* sweeps: number of all sweeps; found: number of sweeps with a line; disagree: number of sweeps
+     * whose line contradicts the calibration */
     int sweeps, found, disagree;
     /* sum of squared angle errors of the sheets, over the sweeps with a line */
     double squares_deg2;
@@ -14,8 +14,8 @@ struct mdf_lines {
      * with a line if none disagrees */
     double worst_deg;
     int worst_position; /* laser position of worst_deg; −1 if no line was found */
-    /* Means over views of struct mdf_light (mdf.h), and the numbers of views for which they are
-     * known. */
+    /* width, scatter: means over views of the members of struct mdf_light (mdf.h). widths,
+     * scatters: numbers of views for which width and scatter are known. */
     double width, scatter;
     int widths, scatters;
 };

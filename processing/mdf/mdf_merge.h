@@ -5,7 +5,7 @@
 #define MDF_BENDS 4
 
 struct mdf_candidate {
-    /* distance along the texel's ray from the reference plane in mm; height of the pulse in DN */
+    /* mm: distance along the texel's ray from the reference plane; dn: height of the pulse in DN */
     float mm, dn;
     float shown; /* share of the pixels around the texel that saw a line */
     /* bends over one spacing of the pixels that see the laser, along x and y, then over two
@@ -20,7 +20,8 @@ struct mdf_candidate {
 /* Data of merged sweeps from which the error of their mean follows, see mdf_errors.h. */
 struct mdf_spread {
     int n; /* number of sweeps */
-    /* u and ν of mdf_errors.h; ν is 0 if there are fewer than two sweeps */
+    /* frames2 and freedom: u and ν of mdf_errors.h; ν is 0 if there are fewer than two sweeps
+     */
     double frames2, freedom;
     double unit_mm2;             /* V of mdf_errors.h */
     double hidden;               /* h of mdf_errors.h */
@@ -38,8 +39,9 @@ struct mdf_merged {
  * sweeps agree, the result is unknown. The function reorders the array: the candidates that were
  * averaged become the first ones. The true line shows the same surface for every laser position,
  * whereas reflections and highlights appear at times that depend on the position. Therefore the
- * mode is the distance that has the support of the largest weight of sweeps. Each sweep contributes
- * its candidate that is closest to the mode. Sweeps without a close candidate are outliers. */
+ * mode is the distance that is supported by sweeps with the largest sum of weights. Each sweep
+ * contributes its candidate that is closest to the mode. Sweeps without a close candidate are
+ * outliers. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);
 
 /* Merges as Wang et al. 2005 §3.2 prints it, for comparison: the mean of all candidates by their

@@ -64,9 +64,10 @@ void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct
 
 struct mdf_views_sums {
     int n_views;
-    gint64 texels, seen; /* number of texels of all views, and number of texels with a distance */
-    gint64 confirmed;    /* number of texels that at least one other view confirms, and that are not
-                            refuted */
+    /* texels: number of texels of all views; seen: number of those with a distance */
+    gint64 texels, seen;
+    gint64 confirmed; /* number of texels that at least one other view confirms, and that are not
+                         refuted */
     /* refuted: number of texels that more other views deny than confirm; unknown: number of texels
      * with a distance that no other view confirms or denies */
     gint64 refuted, unknown;

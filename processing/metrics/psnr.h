@@ -3,9 +3,8 @@
  *
  * All metrics of this folder take pictures as floats, height × width × 3 (R, G, B), linear sRGB,
  * row 0 at the top. 1 is white. The values of a BTF are used unchanged: 1 is a white diffuser that
- * is lit along its normal. A picture is shown before it is measured: values
- * are clipped to 0 … 1 and encoded as sRGB (base/srgb.h). There is no exposure. Values must be
- * finite.
+ * is lit along its normal. A picture is shown before it is measured: values are clipped to 0 … 1
+ * and encoded as sRGB (base/srgb.h). There is no exposure. Values must be finite.
  */
 #pragma once
 

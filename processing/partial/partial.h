@@ -52,8 +52,9 @@ struct partial_sample {
     int n_probes, n_measured;
     float *values;      /* n_probes × 3 × n_pairs, NAN if not measured */
     struct vec3 *at_mm; /* n_probes */
-    /* n_planned pairs that are not measured yet, in the planned order of their shots, and for each
-     * the number of shots from the first one that is not done up to its own */
+    /* planned: the n_planned pairs that are not measured yet, in the planned order of their shots.
+     * shots: for each of these pairs, the number of shots from the first one that is not done up to
+     * the shot of the pair. */
     int n_planned, *planned, *shots;
 };
 #define PARTIAL_PROBES 96

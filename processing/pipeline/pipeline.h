@@ -73,7 +73,7 @@ struct pipeline_result {
     int n_views, n_lights;
     /* number of pictures that were not taken and are predicted from others (btf.h) */
     int n_predicted;
-    /* how many of these the capture left out because they can be predicted */
+    /* number of predicted pictures that the capture left out because they can be predicted */
     int n_left_out;
     /* expected error of the predicted pictures, relative to the whole BTF; NAN if no picture is
      * predicted */
@@ -87,10 +87,13 @@ struct pipeline_result {
     /* share of the texels of all views that were measured in their own view */
     double mdf_coverage;
     double mdf_predicted; /* share of the texels that were predicted from other views */
-    /* Laser lines on the flat face around the sample (laser_lines.h): the numbers of sweeps, of
-     * sweeps that show a line, and of sweeps whose line disagrees with the calibration; the RMS and
-     * the maximum of the disagreement, and the laser position of the maximum (−1 if no line was
-     * seen). */
+    /* Laser lines on the flat face around the sample (laser_lines.h).
+     *   line_sweeps          number of sweeps
+     *   lines_found          number of sweeps that show a line
+     *   lines_disagree       number of sweeps whose line disagrees with the calibration
+     *   line_worst_position  laser position of lines_worst_deg; −1 if no line was seen
+     *   lines_rms_deg        RMS angle error of the sheets, over the sweeps that show a line
+     *   lines_worst_deg      worst_deg of struct mdf_lines (mdf_lines.h) */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
     double line_width, line_scatter; /* see mdf_lines.h; 0 if unknown */

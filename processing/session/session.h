@@ -82,7 +82,8 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 struct session_pass {
     /* number of the pass; the shots of a pass follow each other; 0 if the turntable stands still */
     int number;
-    /* of the turntable: angle at the beginning, angle by which it turns, speed */
+    /* from_deg: angle of the turntable at the beginning; by_deg: angle by which the turntable
+     * turns; speed_deg_s: its speed */
     double from_deg, by_deg, speed_deg_s;
 };
 
@@ -306,11 +307,11 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
  * session. */
 void session_remove_unfinished(const Session *session);
 
-/* Compares the size of every committed frame with its file. The checksum is also compared for dark
- * frames, on which other frames depend, for frames recorded as damaged, and with thorough for all
- * frames. Frames that fail are removed from the database, and their shots are planned again with
- * all their frames. Each failed frame is reported as an event. If the disk fails to read a frame,
- * the function fails and nothing is planned again, because the frame may be readable later.
- * Unfinished files of killed captures are deleted. For capture only. ret_lost is the number of
- * failed frames; it may be NULL. */
+/* Compares the size of every committed frame with its file. Compares also the checksum of dark
+ * frames, on which other frames depend, and of frames recorded as damaged. If thorough is TRUE,
+ * compares the checksum of all frames. Frames that fail are removed from the database, and their
+ * shots are planned again with all their frames. Each failed frame is reported as an event. If the
+ * disk fails to read a frame, the function fails and nothing is planned again, because the frame
+ * may be readable later. Unfinished files of killed captures are deleted. For capture only.
+ * ret_lost is the number of failed frames; it may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

@@ -21,8 +21,8 @@ double order_difference(const struct texel_features *features, const struct inde
  * the sample. The distances are the RMS distances of features between each texel and the texels to
  * the right of it and below it. */
 struct order_seams {
-    /* numbers of pairs of neighbours in the map that are not neighbours in the sample, and of all
-     * pairs */
+    /* pairs: number of pairs of neighbours in the map; seams: number of those that are not
+     * neighbours in the sample */
     int seams, pairs;
     double seam, inside; /* RMS distance over the seams, and over all neighbours in the sample */
 };
