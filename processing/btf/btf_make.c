@@ -112,8 +112,8 @@ struct mosaics {
     char *cfa;
 };
 
-struct posed { /* the last rectification, and the pose and the use of the guide for which it was
-                  made; rectify is NULL before the first light */
+struct posed { /* the last rectification, NULL before the first light; turntable_rad and guided
+                  say for which pose it was made, and whether it uses the guide */
     Rectify *rectify;
     double turntable_rad;
     gboolean guided;

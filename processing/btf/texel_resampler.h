@@ -71,7 +71,7 @@ struct resampler_sums {
     /* light_moved_deg: angle to the nearest measured light, averaged over the target lights and
      * summed over texels; light_most_moved_deg: maximum of this angle */
     double light_moved_deg, light_most_moved_deg;
-    int texels, sampled; /* number of texels, and number of texels in the leave-one-out test */
+    int texels, sampled; /* sampled: number of texels in the leave-one-out test */
 };
 struct resampler_sums *resampler_sums_new(const struct resampler *resampler);
 void resampler_sums_free(struct resampler_sums *sums); /* NULL is ignored */

@@ -637,10 +637,10 @@ static void free_buffers(gpointer data) {
 struct ExrReader {
     struct source source;
     char *path;
-    struct exr_file *file;    /* the headers of all parts that were not given yet, in order */
-    struct windows *windows;  /* for each part of the file, like steps */
-    int *steps;               /* lines of a chunk */
-    int n, given;             /* number of parts, and of those that exr_reader_next() has given */
+    struct exr_file *file;   /* the headers of all parts that were not given yet, in order */
+    struct windows *windows; /* for each part of the file, like steps */
+    int *steps;              /* lines of a chunk */
+    int n, given; /* n: number of parts; given: number of parts that exr_reader_next() has given */
     struct exr_file *pending; /* the parts that are being read */
     GError **errors;          /* for each part of pending, its error or NULL */
     GPtrArray *idle;          /* struct buffers that no thread uses; source.lock protects it */

@@ -180,8 +180,8 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
 struct run {
     const struct import_row *rows;
     int n;
-    /* angle of the first picture, angle between two steps, and number of steps, with those whose
-     * picture is missing */
+    /* from_deg: angle of the first picture; step_deg: angle between two steps; steps: number of
+     * steps, including steps with a missing picture */
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* whether the picture of each step is missing */

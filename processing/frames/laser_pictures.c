@@ -21,13 +21,13 @@ struct LaserPictures {
     int width, height, n_frames, frame;
     double threshold_dn;
     gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
-    /* of each pixel: the sweep angle at which the calibrated sheet passes the point of the plane
-     * that the pixel sees (NAN outside of the region), and the tangent of this point's angle from
-     * the beam */
+    /* For each pixel, x is the point of the plane that the pixel sees. angle: sweep angle at which
+     * the calibrated sheet passes x; NAN outside of the region. along: tangent of the angle of x
+     * from the beam. */
     double *angle, *along;
     float weights[REACH + 1];
-    /* of each frame: deviation of the sheet's angle, roll, and number of candidates, which is 0 if
-     * there is no line */
+    /* Of each frame. turn: deviation of the sheet's angle; roll: roll of the sheet; candidates:
+     * number of candidates, 0 if there is no line. */
     float *turn, *roll, *candidates;
 };
 

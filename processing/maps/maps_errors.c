@@ -14,7 +14,7 @@ struct maps_errors_run {
     const struct btf_matrix *btf; /* of->btf */
     const float *views, *lights;
     GMutex mutex;
-    double *sums, *counts; /* of each pair: sum of CIEDE2000, and number of texels */
+    double *sums, *counts; /* of each pair: sum of CIEDE2000 over texels, and number of texels */
     double residual, all, delta_e, n;
     GError *error;
 };

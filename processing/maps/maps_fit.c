@@ -31,7 +31,7 @@ struct maps_fit_run {
     /* if above 0, only the costs of every step-th texel are computed; 0 means that all texels are
      * fitted */
     int step;
-    /* of the texels: the costs of the choice of layers, then those of the first refinement */
+    /* costs of the texels and their mean: of the choice of layers, later of the first refinement */
     double *costs, mean_cost;
     /* of all texels; NULL in the first fit */
     struct maps_parameters *parameters;

@@ -18,10 +18,15 @@ struct maps_refiner {
     int n;       /* number of pairs with a value */
     int *used;   /* n; the index of each of them in pairs. The arrays below are in this order. */
     double area; /* Σ a_i */
-    /* For each pair with a value: L*, a* and b* of the value, the factors of their differences, the
-     * weight a_i, the share of the light that the layers leave, and the light that they add. */
+    /* For each pair with a value.
+     *   lab      L*, a* and b* of the value
+     *   scales   factors by which differences of L*, a* and b* are multiplied
+     *   weights  the weight a_i
+     *   left     share of the light that the layers leave
+     *   added    light that the layers add */
     float *lab[3], *scales[3], *weights, *left, *added[3];
-    float *lobes[2 * (MOVING_SHAPE + 1)]; /* of the shape, and with each of its values moved */
+    /* lobes of the shape, then of the shape with each of its values moved */
+    float *lobes[2 * (MOVING_SHAPE + 1)];
     float *trial[2];
     float *colours[3]; /* the differences r_i */
     float *moved[3];

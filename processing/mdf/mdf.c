@@ -19,9 +19,9 @@
  * peaks of the faintest lines are only known to a tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In units of the larger of TEXEL_SHARE of a texel and FRAME_SHARE of the sheet's motion in a
- * frame: maximum distance of a point above the reference plane, and below the maximum depth of the
- * structure (intersect()). */
+/* ABOVE: maximum distance of a point above the reference plane. BELOW: maximum distance of a point
+ * below the deepest structure (intersect()). Both are in units of TEXEL_SHARE of a texel, or of
+ * FRAME_SHARE of the sheet's motion in a frame if this is larger. */
 #define ABOVE 5
 #define BELOW 10
 /* minimum share, by weight, of the live pixels around a texel that have a peak */
@@ -38,7 +38,7 @@
 #define HIDDEN_REACH 2
 /* minimum number of sweeps for add_hidden_errors(); with fewer, h of mdf_errors.h is uncertain */
 #define HIDDEN_SWEEPS 8
-/* with this number of sweeps or more, two must agree if sweeps contradict each other */
+/* if there are at least this many sweeps and they contradict each other, two of them must agree */
 #define MANY_SWEEPS 4
 #define OVER        (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
 #define LIGHT_DN    100.0   /* minimum height of a pulse whose time is not dominated by noise */
@@ -50,8 +50,8 @@
 
 /* What one sweep saw at a texel. */
 struct seen {
-    /* distance along the texel's ray from the reference plane, and height of the pulse; mm < 0 if
-     * the sweep saw nothing */
+    /* mm: distance along the texel's ray from the reference plane, below 0 if the sweep saw
+     * nothing; dn: height of the pulse */
     float mm, dn;
     float shown; /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
@@ -75,15 +75,16 @@ struct MdfView {
     float agreement_mm; /* adjacent pixels whose distances differ by more see different surfaces */
     float *ray;         /* n_pixels × 3: unit vectors, rig frame */
     float *onset_mm; /* n_pixels: distance along the ray from the camera to the reference plane */
-    float *x_px,
-        *y_px; /* n_texels: position of a texel's centre in the picture; x < 0 if outside */
+    /* n_texels: position of a texel's centre in the picture; x < 0 if outside */
+    float *x_px, *y_px;
     /* n_pixels: distances that follow from the brightest and from the second pulse of one sweep; −1
      * if there is no pulse, or OVER */
     float *pixel_mm[2];
     guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     gboolean plain;                    /* see mdf_view_set_plain() */
-    /* of each sweep: mdf_weight(), distance within which candidates agree, and depth of a frame */
+    /* Of each sweep. weight: mdf_weight(); tolerance_mm: distance within which candidates agree;
+     * frame_mm: depth of a frame. */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
     double line_frames[MDF_MAX_SWEEPS]; /* median standard deviation of the line in frames; 0 if
@@ -289,8 +290,8 @@ struct near {
 struct nears {
     struct near near[16];
     int n;
-    /* sums of weights: of all live pixels, of those with a peak, and of those whose point is above
-     * the reference plane (OVER) */
+    /* Sums of weights. all: over all live pixels; seen: over live pixels with a peak; over: over
+     * live pixels whose point is above the reference plane (OVER). */
     float all, seen, over;
 };
 

@@ -11,7 +11,7 @@
 #include "shared_exponent.h"
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* Maximum number of rectifications that are kept. To make one takes ten times as long as to use it.
+/* Maximum number of rectifications that are kept. Making one takes ten times as long as using it.
  * The quickest order of shots goes through all angles of the turntable again and again. */
 #define MAX_RECTIFIERS 64
 
@@ -177,8 +177,9 @@ static const Rectify *find_rectify(Partial *partial, const struct rig *rig, int 
                                 rectify_new(&rig->cameras[camera],
                                             &partial->calibration->camera_radiometry[camera], cfa,
                                             turntable_rad, &partial->grid, error)};
-    /* If there are more angles than room, the one that was used last would always be dropped just
-     * before it is needed. So any is dropped. */
+    /* A random rectification is dropped. Shots go through all angles again and again, so that
+     * dropping the one that was not used for the longest time would always drop the one that is
+     * needed next. */
     if (partial->rectifiers.length == MAX_RECTIFIERS)
         rectifier_free(
             g_queue_pop_nth(&partial->rectifiers, (guint)g_random_int_range(0, MAX_RECTIFIERS)));

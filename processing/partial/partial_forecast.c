@@ -4,9 +4,10 @@
 
 #include "shared_exponent.h"
 
-#define GROWTH  1.25 /* of the number of measured pairs, after which the model is fitted anew */
-#define TARGETS 200  /* number of pairs from which the error after further shots is computed */
-#define CELLS   8    /* g is computed at (CELLS + 1)² points of the grid, and interpolated */
+/* the model is fitted anew when the number of measured pairs has grown by this factor */
+#define GROWTH  1.25
+#define TARGETS 200 /* number of pairs from which the error after further shots is computed */
+#define CELLS   8   /* g is computed at (CELLS + 1)² points of the grid, and interpolated */
 
 struct PartialForecast {
     gint references;

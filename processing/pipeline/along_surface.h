@@ -27,7 +27,8 @@ struct along_surface_result {
     int n_views, n_lights;           /* of the source */
     gint64 holes, bounds, predicted; /* numbers of texels of the source, summed over its pictures
                                         (btf_matrix.h) */
-    /* number of texels of all new views, and number of those whose surface no measured view sees */
+    /* texels: number of texels of all new views; unseen: number of those whose surface no measured
+     * view sees */
     gint64 texels, unseen;
 };
 

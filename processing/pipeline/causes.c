@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-/* minimum share of the texels that lasers must see, so that nothing is explained */
+/* if lasers see at least this share of the texels, nothing is explained */
 #define MIN_SEEN 0.3
 /* minimum share of all pixels of the examined sweeps that must show a line */
 #define MIN_LINES  0.02
@@ -22,9 +22,10 @@
 #define DARK 0.0005
 /* a view is dark also if its mean reflectance is below this share of the median over views, unless
  * the mean of its brightest frame is at least DARK_DN above dark */
-#define DARK_SHARE    0.02
-#define DARK_DN       5.0
-#define MAX_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
+#define DARK_SHARE 0.02
+#define DARK_DN    5.0
+/* a view is saturated if at least this share of its values are lower bounds */
+#define MAX_SATURATED 0.5
 
 struct texts {
     Config *rig_conf;

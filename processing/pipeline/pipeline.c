@@ -368,8 +368,8 @@ struct columns {
     int n_views;
     int *lights; /* index of each light of the session */
     int n_lights;
-    /* number of calls of get_column() so far, and in total (an estimate if there are several
-     * passes) */
+    /* Numbers of calls of get_column(). asked: so far; to_ask: in total (an estimate if there are
+     * several passes). */
     int asked, to_ask;
 };
 

@@ -21,8 +21,8 @@ struct components {
 
 struct leaving {
     struct relighting_fit fit;
-    int tile, columns;             /* side of a tile in texels, number of tiles in a row */
-    double *mean;                  /* 3 n: mean of Y over the texels; 0 without planes */
+    int tile, columns; /* tile: side of a tile in texels; columns: number of tiles in a row */
+    double *mean;      /* 3 n: mean of Y over the texels; 0 without planes */
     struct components *components; /* of each light that is left out; NULL without planes */
     float *pictures;               /* the result */
     int failed_light;              /* −2: none failed */

@@ -11,9 +11,9 @@
 /* Maximum number of missing pairs at whose distances the cross-validation is done. With 160 of them
  * the expected error has a standard deviation of 3 to 8 %, with 800 of 1 to 3 %. */
 #define EXAMINED 4000
-/* Standard deviation of Σ σ² that the cross-validation does not see, relative: pairs t and u
- * differ, and probes are not the whole sample. From weave, brick, peanuts and brushed of
- * docs/lab/fast.md. */
+/* Relative standard deviation of Σ σ² that the cross-validation does not see, because the pairs t
+ * and u differ and the probes are not the whole sample. The value is from weave, brick, peanuts and
+ * brushed of docs/lab/fast.md. */
 #define UNSEEN 0.11
 /* Maximum of what the limit takes from highlights, relative to the limit. A lobe that was fitted to
  * few pairs may be arbitrarily bright between them. */
@@ -24,7 +24,8 @@
 
 struct NearestPrediction {
     Prediction *model; /* without weights and factor */
-    /* n_missing × NEAREST_NEIGHBOURS; n_neighbours of each missing pair are used */
+    /* neighbours: n_missing × NEAREST_NEIGHBOURS, of which each missing pair uses the first
+     * n_neighbours */
     int *neighbours, *n_neighbours;
     float *weights;
     double *variance; /* n_missing: k_uu − k_Suᵀ w_u */
@@ -221,9 +222,10 @@ static void sum_up(NearestPrediction *to, const struct prediction_rows *rows,
 struct validation {
     const NearestPrediction *of;
     const struct prediction_rows *rows;
-    const int *columns;          /* n_pairs: column of each measured pair in the rows */
-    const int *limits;           /* for each target t: the missing pair u */
-    double *squares, *variances; /* for each target: of its errors, and as expected without e */
+    const int *columns; /* n_pairs: column of each measured pair in the rows */
+    const int *limits;  /* for each target t: the missing pair u */
+    /* of each target: squared error, and its expected value without e */
+    double *squares, *variances;
 };
 
 /* Predicts a measured pair from those as far from it as a missing one. */

@@ -17,7 +17,7 @@
 
 struct choice {
     const Prediction *prediction;
-    /* number of pairs that are considered, and number of targets among them */
+    /* n_pairs: number of pairs that are considered; n_targets: number of targets among them */
     int n_pairs, n_targets;
     int *pairs; /* n_pairs indices of pairs; the targets are first */
     int *place; /* for each pair of the material, its index in pairs, or −1 */
@@ -30,7 +30,7 @@ struct choice {
 
 /* The pairs of a shot that are not measured, and their conditional covariance C_BB. */
 struct choice_block {
-    int n, *at;   /* number of the pairs, and their indices in choice.pairs */
+    int n, *at;   /* n: number of the pairs; at: their indices in choice.pairs */
     double *chol; /* n², column by column: Cholesky factor of C_BB */
 };
 

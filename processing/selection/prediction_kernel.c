@@ -27,8 +27,8 @@ static double distance(struct vec3 a, struct vec3 b) {
 /* The factors of k (prediction.h) that depend only on two views or on two lights, for all pairs of
  * views and of lights. The terms of k are products of these factors. */
 struct prediction_tables {
-    double *view2, *view3, *view4; /* n_views²: c₂ exp(−d_v / a₂), c₃ exp(−d_v / a₃), c₄ exp(−d_v /
-                                      b₄) */
+    double *view2, *view3, *view4; /* n_views²: c₂ exp(−d_v / a₂), c₃ exp(−d_v / a₃) and
+                                      c₄ exp(−d_v / b₄) */
     double *light1, *light2, *light3; /* n_lights²: 1 + c₁ l·l', exp(−d_l / b₂), exp(−d_l / b₃) */
 };
 

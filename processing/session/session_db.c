@@ -213,9 +213,9 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
-/* Sets the error for the text says, with which SQLite's check of the structure failed. The check
- * reports a page that the disk cannot read as if it were damaged; the code of the read error is
- * then in the text. Returns FALSE. */
+/* Sets the error for a failed check of the structure by SQLite. `says` is the text that the check
+ * gave. The check reports a page that the disk cannot read as if it were damaged; the code of the
+ * read error is then in the text. Returns FALSE. */
 static gboolean unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);

@@ -16,7 +16,7 @@
 
 /* What one or several hexagons show of the pictures, as sums over pixels. */
 struct shown {
-    /* of each picture: sums of values and of their squares */
+    /* n: number of pixels; values, squares: of each picture, sums of values and of their squares */
     double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES];
     double cells[GRID * GRID];
 };

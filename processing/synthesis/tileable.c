@@ -15,8 +15,8 @@
 struct tileable {
     const struct texel_features *features;
     const guint16 *places;
-    /* number of texels along the seam; number of texels across it, out of which the period is
-     * cut */
+    /* length: number of texels along the seam; across: number of texels across the seam, from which
+     * the period is cut */
     int length, across;
     gboolean cyclic;
 };

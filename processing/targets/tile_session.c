@@ -147,8 +147,8 @@ static double light_at(const struct rig *rig, int lamp, double arc_rad, struct v
     return MAX(path.z / vec3_length(path), 1e-3) * rig_lamp_irradiance(&rig->arc, l, arc_rad, p);
 }
 
-/* A fit, and the angles between the lamps' fitted aims and the aims in the rig file: the RMS over
- * the shots, and the maximum. */
+/* A fit. aside_rad and most_aside_rad are the RMS over the shots and the maximum of the angles
+ * between the lamps' fitted aims and the aims in the rig file. */
 struct light_fit {
     double residual, aside_rad, most_aside_rad;
 };

@@ -10,8 +10,8 @@
 #include "exr/exr_half.h"
 #include "webgl_neural.h"
 
-/* Totals over all mip levels: the number of clusters, the maximum number of components, and the
- * number of texels. */
+/* Over all mip levels: the sum of the clusters, the maximum number of components, and the sum of
+ * the texels. */
 struct totals {
     int clusters, components;
     gsize texels;

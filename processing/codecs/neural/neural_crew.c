@@ -8,7 +8,7 @@ struct neural_crew {
     guint loop;   /* number of loops begun */
     int working;  /* threads that have not ended the loop */
     gboolean end; /* whether the threads shall end */
-    int n, next;  /* blocks of the loop; next is atomic */
+    int n, next;  /* n: number of blocks of the loop; next: next block to take (atomic) */
     WorkBlock func;
     gpointer data;
 };

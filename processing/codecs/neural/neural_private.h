@@ -125,7 +125,7 @@ void neural_crew_run(struct neural_crew *crew, int n, WorkBlock func, gpointer d
 struct neural_group {
     const char *name;
     float *values, *gradient;
-    float *mean, *square; /* of the gradients, as Adam has them */
+    float *mean, *square; /* moments of the gradients in Adam: mean, and mean of the squares */
     gsize n;
     float rate;
 };
@@ -144,7 +144,7 @@ struct neural_trainer {
     struct neural_group groups[NEURAL_GROUPS];
     struct neural_lesson *lessons; /* of a step */
     struct neural_crew *crew;
-    int step, steps; /* steps that are done, and all */
+    int step, steps; /* step: number of steps that are done; steps: number of all steps */
 };
 
 /* Begins a training with random numbers. The arguments must outlive the trainer. */

@@ -47,8 +47,7 @@ struct rgl_options {
 };
 
 struct rgl_result {
-    /* n_phi, n_theta: numbers of φ_i and θ_i in the file; resolution: n of n × n in sample space
-     */
+    /* n_phi, n_theta: numbers of φ_i and θ_i in the file; resolution: n of n × n in sample space */
     int n_phi, n_theta, resolution;
 };
 
