@@ -17,8 +17,8 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
 struct btf_directions *btf_directions_81(void);
 
 /* Reads a table (text_table.h) with the columns "of", "theta_deg" and "phi_deg". "of" is "view",
- * "light" or "both". Fails with DATA_ERROR_INVALID if a column is missing or unknown, if "of" has
- * another text, if θ is not within 0 … 89° or φ not within ±720°, if a view is within 0.01° of an
- * earlier view or a light within 0.01° of an earlier light, or if there are no views, no lights, or
- * more than 4096 of either. The message names the file and, for an error in a row, the line. */
+ * "light" or "both". There are 1 to 4096 views and 1 to 4096 lights, θ is 0 … 89°, and φ is within
+ * ±720°. Fails with DATA_ERROR_INVALID if this is not so, if a column is missing or unknown, if
+ * "of" has another text, or if a view (light) is within 0.01° of an earlier view (light). The
+ * message names the file and, for an error in a row, the line. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

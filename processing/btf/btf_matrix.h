@@ -32,10 +32,15 @@ char *btf_matrix_session(const char *path);
 
 /* Reads the BTF of a session. path is the session directory or its products/btf. Views without a
  * file are left out. A picture that has only holes becomes black. The error is
- * DATA_ERROR_INCOMPLETE if no view has a file. The error is DATA_ERROR_INVALID if the lights of a
- * view differ from the lights of the first view, if its texels differ from the session's grid, if
- * it lacks a colour or an angle, if it has infinite values, or if memory cannot be allocated. Other
- * errors are those of session_check_products() and exr_read(). The progress stage is "read". */
+ * DATA_ERROR_INCOMPLETE if no view has a file. The error is DATA_ERROR_INVALID if memory cannot be
+ * allocated, or if a view
+ * - has other lights than the first view
+ * - has other texels than the session's grid
+ * - lacks a colour or an angle
+ * - has infinite values.
+ *
+ * Other errors are those of session_check_products() and exr_read(). The progress stage is
+ * "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
 /* Does the same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values

@@ -11,8 +11,8 @@
  * NULL if no light was captured; g_free(). */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i);
 
-/* Gives the flags of n texels: BTF_FLAG_PREDICTED, or BTF_FLAG_HOLE if any picture whose weight is
- * not 0 has a hole there. */
+/* Gives the flags of n texels in ret_flags (n): BTF_FLAG_PREDICTED, or BTF_FLAG_HOLE if any picture
+ * whose weight is not 0 has a hole there. */
 void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
                        gsize n, guint8 *ret_flags);
 

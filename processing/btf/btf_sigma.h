@@ -64,7 +64,8 @@ struct btf_exposures {
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error);
 
-/* Computes the variances of a picture's n pixels in (DN/ms)² from their values in DN/ms. */
+/* Computes the variances of a picture's n pixels from their values. values (n) are in DN/ms, and
+ * ret_variances (n) are in (DN/ms)². */
 void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
                       const float *values, gsize n, float *ret_variances);
 

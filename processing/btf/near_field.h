@@ -30,10 +30,12 @@ struct near_field {
 };
 
 /* Reads the headers of a session's BTF. The files are checked by session_check_products() first.
- * The error is DATA_ERROR_INCOMPLETE if no view has a file. It is DATA_ERROR_INVALID if views
- * differ in the number or directions of their lights, if an angle is missing or not finite, if a
- * position is not finite or not above the reference plane, if only some parts have positions, or if
- * an aim is not a direction or an exponent is not from 0 to 1000. */
+ * The error is DATA_ERROR_INCOMPLETE if no view has a file. It is DATA_ERROR_INVALID if
+ * - views differ in the number or the directions of their lights
+ * - an angle is missing or not finite
+ * - a position is not finite or not above the reference plane
+ * - only some parts have positions
+ * - an aim is not a direction, or an exponent is not from 0 to 1000. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 

@@ -49,7 +49,7 @@ const int *directions_triangles(const Directions *directions, int *ret_n);
 /* Returns the number of rings, which is 0 if the directions are triangulated. */
 int directions_n_rings(const Directions *directions);
 /* Gives the indices of the directions of a ring, sorted by azimuth, and returns their number. Ring
- * 0 is the topmost one. ret has room for all directions. */
+ * 0 is the topmost one. ret must have space for the indices of all directions. */
 int directions_ring(const Directions *directions, int ring, int *ret);
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
@@ -72,8 +72,8 @@ double directions_fade(const Directions *directions, struct vec3 direction);
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 
-/* The directions are n lights. Gives the weight that each of them has in the reflectance (1/π) ∫
- * BTF dω under a sky of uniform radiance. */
+/* The directions are n lights. ret_share (n) gets the weight that each light has in the reflectance
+ * (1/π) ∫ BTF dω under a sky of uniform radiance. */
 void directions_sky(const Directions *directions, float *ret_share);
 
 /* Returns the unit vector at (a, b) of the square. */

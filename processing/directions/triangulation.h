@@ -12,9 +12,10 @@ typedef struct Triangulation Triangulation;
 Triangulation *triangulation_new(const double *points /* n × 2 */, int n);
 void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
 
-/* Computes the barycentric weights of a point. Within a triangle, ret_nearest is the point itself.
- * For a point outside of all triangles, the weights are those of the nearest point of the border,
- * and ret_nearest is that nearest point. */
+/* Computes the barycentric weights of a point. ret_index and ret_weight are the three corners and
+ * their weights. Within a triangle, ret_nearest is the point itself. For a point outside of all
+ * triangles, the weights are those of the nearest point of the border, and ret_nearest is that
+ * nearest point. */
 void triangulation_weights(const Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
 

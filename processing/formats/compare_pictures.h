@@ -22,8 +22,9 @@ struct picture_comparison {
 /* The attribute of an EXR whose value is "picture" if the EXR is a picture and not a material. */
 #define COMPARE_PICTURE_KIND "mesorig.kind"
 
-/* Returns whether a file is a picture: an EXR of one part whose attribute COMPARE_PICTURE_KIND is
- * "picture", or another file whose name is that of a picture (import_is_picture()). */
+/* Returns whether a file is a picture. An EXR is a picture if it has one part and the attribute
+ * COMPARE_PICTURE_KIND is "picture". Another file is a picture if its name is that of a picture
+ * (import_is_picture()). */
 gboolean compare_is_picture(const char *path);
 
 /* Compares two pictures of the same size. A picture has the tone curve that its file states.

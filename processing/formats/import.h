@@ -32,8 +32,8 @@ typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part,
 
 /* Callback that reads one picture. If the file format allows, the callback reads only the region.
  * ret_planes are four planes of height × width that contain zeros: R, G, B and the flags of the
- * texels (btf.h). The plane of flags is NULL if a picture has no holes. ret_planes is NULL if only
- * the number of holes is wanted. */
+ * texels (btf.h). The plane of flags is NULL if a picture has no holes. *ret_holes is the number of
+ * holes. ret_planes is NULL if only this number is wanted. */
 typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
                                  float *const *ret_planes, int *ret_holes, gpointer data,
                                  GError **error);

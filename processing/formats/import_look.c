@@ -3,9 +3,12 @@
  *
  * A texel with the normal n and the reflectance ρ has the value z_l = b + E_l max(0, g·l) under the
  * light l of irradiance E_l, with g = ρ n and b = 0 (Lambert). g is fitted to each texel for four
- * candidates: the values as they are; the values re-encoded, if they were decoded from sRGB by
- * mistake; the values decoded, if that was omitted by mistake; and a constant level b in all
- * values. Cast shadows and highlights are outliers with weights 1 / (1 + (r/s)²). The misfit is the
+ * candidates:
+ *   - the values as they are
+ *   - the values encoded again, in case they were decoded from sRGB by mistake
+ *   - the values decoded, in case decoding was omitted by mistake
+ *   - the values with a constant level b.
+ * Cast shadows and highlights are outliers with weights 1 / (1 + (r/s)²). The misfit is the
  * RMS of the smallest three quarters of the residuals, relative to the RMS of the values. Residuals
  * are always converted back to the scale of the original values. A curve that only compresses
  * contrast therefore gains nothing. A candidate's misfit is the median over all texels. */

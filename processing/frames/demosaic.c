@@ -89,8 +89,8 @@ static void fill_green(struct picture *picture, const struct demosaic_lateral *l
 }
 
 /* Computes the colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the pixels of
- * colour c in the window, 1 for green, with a bilateral weight w = exp(−(u² + v²) / 2σ²) · (1 / (1
- * + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
+ * colour c in the window, and 1 for green. w is a bilateral weight:
+ *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT) */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
     float level = picture->level[pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};

@@ -47,9 +47,10 @@ struct sweep_pulses {
     float *intensity;
 };
 
-/* Writes each pixel's brightest pulse and its second brightest pulse (light that the surroundings
- * reflected, or a surface behind an edge). The intensity of the second is 0 if there is none.
- * Either result may be NULL. threshold is in DN. Frames may be added afterwards. */
+/* Writes each pixel's brightest pulse to ret_first, and its second brightest pulse to ret_second
+ * (light that the surroundings reflected, or a surface behind an edge). Either result may be NULL.
+ * If a pixel has no second pulse, its intensity in ret_second is 0. threshold is in DN. Frames may
+ * be added afterwards. */
 void sweep_finish(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                   const struct sweep_pulses *ret_second);
 

@@ -129,9 +129,9 @@ static double value_at(const struct sweep_samples *s, const struct span *span, i
                                                                           : FAINT * s->margin;
 }
 
-/* Fits pulses of one or two samples: the Gaussian through three samples, of which some are
- * background. With the logarithms a, b, c at the times −1, 0, 1: time = ½ (a − c) / (a − 2b +
- * c), σ² = −1 / (a − 2b + c). */
+/* Fits a pulse of one or two samples by the Gaussian through three samples. The other samples are
+ * background. With the logarithms a, b, c at the times −1, 0, 1: time = ½ (a − c) / (a − 2b + c),
+ * σ² = −1 / (a − 2b + c). */
 static void between_few(const struct sweep_samples *s, const struct span *span, int length,
                         struct sweep_pulse *ret) {
     double a = log(value_at(s, span, span->top - 1)), b = log((double)s->value[span->top]);

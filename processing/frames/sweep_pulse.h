@@ -24,8 +24,8 @@ struct sweep_pulse {
     double height;      /* DN: value of the brightest sample */
 };
 
-/* Finds the brightest and the second brightest pulse; either result may be NULL. Returns the
- * number of pulses, 0 … 2. Between two pulses the signal falls below VALLEY (sweep_pulse.c) of
- * the fainter one. */
+/* Finds the brightest pulse (ret_first) and the second brightest pulse (ret_second). Either result
+ * may be NULL. Returns the number of pulses, 0 … 2. Between two pulses the signal falls below
+ * VALLEY (sweep_pulse.c) of the fainter one. */
 int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
                      struct sweep_pulse *ret_second);

@@ -18,13 +18,18 @@ struct light_normals_result {
 /* Returns whether a path is a session with a BTF and without an MDF. */
 gboolean light_normals_applies(const char *path);
 
-/* Writes an EXR with the parts "normals" with "X", "Y", "Z", all 0 for a texel without a normal;
- * "sigma" with "Y", the error of each normal in degrees (RMS); "albedo" with R, G, B; and "used"
- * with "N", the number of lights that agree, or minus the cause of a hole (enum photometric_cause).
- * With heights, the file instead has a part "height" with "Z" in mm, with mean 0, and "N", which is
- * 1, or 0 for a hole. The attributes are mesorig.kind, mesorig.model ("lights"), texel_mm,
- * reference_mm and holes. The progress stage is "normals". The error is in DATA_ERROR if no texel
- * has a normal, if the session has no BTF or fewer than three lights, or if a picture lacks a
- * colour or differs from the session in size. */
+/* Writes an EXR with these parts:
+ *   "normals"  "X", "Y", "Z"; all 0 for a texel without a normal
+ *   "sigma"    "Y": error of each normal in degrees (RMS)
+ *   "albedo"   "R", "G", "B"
+ *   "used"     "N": number of lights that agree; for a hole, minus its cause (enum
+ *              photometric_cause)
+ * If heights is TRUE, the file has only this part instead:
+ *   "height"   "Z": height in mm, with mean 0; "N": 1, or 0 for a hole
+ *
+ * The attributes are mesorig.kind, mesorig.model ("lights"), texel_mm, reference_mm and holes. The
+ * progress stage is "normals". The error is in DATA_ERROR if no texel has a normal, if the session
+ * has no BTF or fewer than three lights, or if a picture lacks a colour or differs from the session
+ * in size. */
 gboolean light_normals(const char *session, const char *file, gboolean heights,
                        const struct work *work, struct light_normals_result *ret, GError **error);

@@ -15,7 +15,7 @@ double maps_lobe(double alpha, double nl, double nv, double nh) {
     return d * 0.5 / MAX(lv + ll, MIN_COSINE * MIN_COSINE);
 }
 
-/* Returns L(x), of which sheen_lambda() makes Λ (Estevez & Kulla 2017, eq. 3), with the
+/* Returns L(x), from which sheen_lambda() makes Λ (Estevez & Kulla 2017, eq. 3), with the
  * coefficients of their table interpolated between the roughnesses 0 and 1. */
 static double sheen_curve(double x, double alpha) {
     const double k = (1 - alpha) * (1 - alpha);

@@ -52,7 +52,7 @@ mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
 /* Opens a material from the bytes of such files, which may be freed afterwards. If mdf is NULL, the
- * material has no relief. */
+ * material has no relief. Failures are reported as by mesorig_material_open(). */
 mesorig_material *mesorig_material_open_memory(const void *material, size_t material_bytes,
                                                const void *mdf, size_t mdf_bytes,
                                                struct mesorig_error *ret_error);
@@ -72,7 +72,7 @@ struct mesorig_material_info {
     double error; /* ‖compressed − BTF‖ / ‖BTF‖ of the codec; 0 for a BTF; −1 if not known */
 };
 
-/* Sets the members for which info->size has room. */
+/* Sets the members that lie within the first info->size bytes of the struct. */
 int mesorig_material_info(const mesorig_material *material, struct mesorig_material_info *info);
 
 /* Gives the directions of the views and lights that were measured, as unit vectors: n_views × 3 and

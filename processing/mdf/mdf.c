@@ -14,9 +14,10 @@
 
 /* minimum sine of the angle between ray and sheet; below it, depths are noise */
 #define MIN_ANGLE 0.03
-/* Distances of two sweeps agree if they differ by at most a share of a texel, because the
- * surface varies within a texel, or by at most a share of the depth of one frame, because the
- * peaks of the faintest lines are only known to a tenth of a frame. */
+/* Distances of two sweeps agree if they differ by at most TEXEL_SHARE of a texel, or by at most
+ * FRAME_SHARE of the depth of one frame. The first tolerance is needed because the surface varies
+ * within a texel. The second is needed because the peaks of the faintest lines are only known to a
+ * tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
 /* ABOVE: maximum distance of a point above the reference plane. BELOW: maximum distance of a point
@@ -191,8 +192,8 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-/* Returns |s · (c × e)| / 6, where s, c and e are the positions of the laser's source, of the
- * camera and of the far end of the line, all relative to the near end of the line. */
+/* Returns |s · (c × e)| / 6. s, c and e are positions relative to the near end of the line: s of
+ * the laser's source, c of the camera, and e of the far end of the line. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
@@ -553,9 +554,10 @@ static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     return n;
 }
 
-/* Returns Σ ((a + b) / 2 − m)², where m is a texel's distance and a and b are the distances of
- * opposite neighbours, over the (up to four) pairs of which both are known. ret_pairs has the
- * number of these pairs, and the number of other pairs within the grid. */
+/* Returns Σ ((a + b) / 2 − m)², where m is a texel's distance, and a and b are the distances of two
+ * opposite neighbours. The sum is over the (up to four) pairs of neighbours whose distances are
+ * both known. ret_pairs has the number of these pairs, and the number of other pairs within the
+ * grid. */
 static double bends_mm2(const MdfView *view, const float *distance, int texel, int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const int width = view->grid.width, height = view->grid.height;
@@ -641,7 +643,7 @@ static struct vec3 way_to(const MdfView *view, double column, double row) {
 }
 
 /* If a sheet is displaced by δ across itself, the point on a ray r moves by δ / (n·r) along the
- * ray, and the merged distance by Σ w δ / (n·r), where w are the normalised weights. All sweeps
+ * ray. The merged distance moves by Σ w δ / (n·r), where w are the normalised weights. All sweeps
  * of a laser have the same errors e, with δ = j·e. Their levers j add up to g = Σ w j / (n·r),
  * and the variance is the sum of gᵀ C g over lasers. samples are the n sweeps that were merged
  * to the distance mm. */

@@ -59,9 +59,10 @@ struct mdf_light {
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* Gives the second most likely distance of each texel. It is merged, like that of mdf_view_merge(),
- * from the candidates that do not agree with `distance`, or from all candidates where `distance` is
- * −1. One laser position is enough. The result is −1 if there is no such candidate. */
+/* Gives the second most likely distance of each texel in ret_other (n_texels). It is merged, like
+ * that of mdf_view_merge(), from the candidates that do not agree with `distance`, or from all
+ * candidates where `distance` is −1. One laser position is enough. The result is −1 if there is no
+ * such candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* Returns the number of texels that have no distance and whose surface lies above the reference

@@ -40,8 +40,9 @@ struct mdf_errors_grid {
     double spacing[2]; /* spacing of pixels that see the laser, in texels, along rows and columns */
 };
 
-/* Computes errors of texels whose distance is the mean of at least two sweeps; other errors are not
- * changed. spreads is width × height, all 0 for unknown texels. */
+/* Computes the errors of texels whose distance is the mean of at least two sweeps. Other elements
+ * of ret_error_mm (width × height) are not changed. spreads is width × height; its members are 0
+ * for unknown texels. */
 void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
                      float *ret_error_mm);
 

@@ -28,11 +28,11 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm);
 
-/* Counts for each texel of a view how many other views (of at most 24, evenly spread) confirm its
- * point and how many deny it. A view confirms a point that lies on the view's surface, within a
- * third of a texel plus the slope of the surface between texels. A view denies a point through
- * which it sees. Views in which the point is hidden, unknown or outside of the texels do
- * neither. */
+/* Counts for each texel of a view how many other views confirm its point (ret_confirmed) and how
+ * many deny it (ret_denied). At most 24 other views are asked, evenly spread. A view confirms a
+ * point that lies on the view's surface, within a third of a texel plus the slope of the surface
+ * between texels. A view denies a point through which it sees. Views in which the point is hidden,
+ * unknown or outside of the texels do neither. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
@@ -79,7 +79,7 @@ struct mdf_views_sums {
 };
 
 /* Reads products/mdf.exr and sums over its views. Uses the distances that each view measured itself
- * (channel M); D if there is no M. Fails if the file cannot be read or has no views, or if a view
- * lacks distances or the position of its camera, differs from the first view in size, has distances
- * that are not finite, or has its camera below the reference plane. */
+ * (channel M); D if there is no M. Fails if the file cannot be read or has no views. Fails also if
+ * a view lacks distances or the position of its camera, if it differs from the first view in size,
+ * if its distances are not finite, or if its camera is below the reference plane. */
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error);

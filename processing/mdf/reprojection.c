@@ -300,9 +300,9 @@ static void examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
     ret->q = (mm - (double)(distance / sum)) / tolerance;
 }
 
-/* Gives the taps of a value, and returns their number: 4 × 4 texels if all of them are on one
- * surface, otherwise those of the four around the position that are on the surface of the nearest
- * texel. */
+/* Gives the taps of a value, and returns their number. The taps are the 4 × 4 texels around the
+ * position if all of them are on one surface. Otherwise they are those of the 2 × 2 texels around
+ * the position that are on the surface of the nearest texel. */
 static int spread(const Reprojection *s, int view, const struct look *look, double weight,
                   struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];

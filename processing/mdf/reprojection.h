@@ -67,9 +67,10 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
 
 /* Reads the MDF of a session (products/mdf.exr). Its views are put into the order of n directions,
  * which are those of a BTF. A direction without an MDF has no distances. The error is
- * DATA_ERROR_INVALID if the file has no views, if the first view lacks texel_mm or reference_mm, if
- * a view lacks its distances or the position of its camera, has values that are not finite, or
- * differs from the first view in size, or for the causes of reprojection_new(). */
+ * DATA_ERROR_INVALID for the causes of reprojection_new(), if the file has no views, or if the
+ * first view lacks reference_mm or a texel_mm above 0. It is also DATA_ERROR_INVALID if a view
+ * lacks its distances or the position of its camera, has values that are not finite, or differs
+ * from the first view in size. */
 Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
                                 int n, gboolean tiled, GError **error);
 void reprojection_free(Reprojection *reprojection); /* NULL is ignored */

@@ -22,6 +22,6 @@ double flip_ldr(const float *reference, const float *test, int width, int height
 
 /* Returns the mean FLIP of two pictures with values above 1. The FLIP of a pixel is the maximum
  * over a range of exposures, which follows from the reference, after the tone curve of ACES.
- * Negative values count as 0. */
+ * Negative values count as 0. ret_map is as in flip_ldr(). */
 double flip_hdr(const float *reference, const float *test, int width, int height,
                 double pixels_per_degree, float *ret_map);

@@ -4,9 +4,11 @@
  * BTF (btf/btf.h). The session is only read. Pictures are kept in memory, 4 bytes per texel
  * (shared_exponent.h). A pair (view, light) has the index view · n_lights + light.
  *
- * The differences from the BTF are: the grid; each picture of a colour filter is its own guide
- * (frames/rectify.h), because the other pictures of the view do not exist yet; and the output of a
- * lamp is the one that is known when its picture is read.
+ * The differences from the BTF are:
+ * - The grid is coarser.
+ * - Each picture of a colour filter is its own guide (frames/rectify.h), because the other pictures
+ *   of the view do not exist yet.
+ * - The output of a lamp is the one that is known when its picture is read.
  *
  * A Partial belongs to one thread at a time. A struct partial_sample may be used by another one.
  */

@@ -19,9 +19,10 @@ struct partial_later {
 #define PARTIAL_LATER 6
 
 /* Makes a forecast. like is an earlier forecast of the same session, or NULL. The model is fitted
- * anew if like is NULL, or if the number of measured pairs has grown by a quarter since its model
- * was fitted; otherwise the model of like is used, which takes a fraction of the time. Takes
- * seconds. The sample must have measured pairs. Errors are those of nearest_prediction_new(). */
+ * anew if like is NULL, or if the number of measured pairs has grown by a quarter since the model
+ * of like was fitted. This takes seconds. Otherwise the model of like is used, which takes a
+ * fraction of this time. The sample must have measured pairs. Errors are those of
+ * nearest_prediction_new(). */
 PartialForecast *partial_forecast_new(const struct partial_sample *sample,
                                       const PartialForecast *like, const struct work *work,
                                       GError **error);

@@ -38,8 +38,10 @@ gboolean mdf_settle(struct mdf_result *const *results, int n, const struct sessi
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error);
 
-/* Reads the catalogue's views from the file. Reads none if the file is missing or damaged. Returns
- * whether the file differs from the results and should be written again. */
+/* Reads the catalogue's views from the file to ret_results, which has one element for each of these
+ * views. Reads none if the file is missing or damaged. Returns whether the file should be written
+ * again: TRUE if it is damaged or has other parts than the views that were read, FALSE if it is
+ * missing. */
 gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results);
 

@@ -47,11 +47,12 @@ struct relighting {
     struct near_field *near; /* directions and positions of all views */
     int view;                /* index of the view nearest to the normal */
     int width, height;
-    /* Lights whose pictures were captured, and their indices in near->lights. Pictures of which
-     * more than half of the texels were predicted (BTF_FLAG_PREDICTED) are left out. */
+    /* Number of lights whose pictures were captured, and the indices of these lights in
+     * near->lights. A picture is left out if more than half of its texels were predicted
+     * (BTF_FLAG_PREDICTED). */
     int n_lights, *lights;
     /* ρ: n_lights × height × width × 3 (R, G, B). Holes have the mean of their neighbours
-     * (btf_fill_holes()). A picture of which all texels are holes is 0. */
+     * (btf_fill_holes()). If all texels of a picture are holes, its values are 0. */
     float *values;
 };
 typedef struct relighting Relighting;

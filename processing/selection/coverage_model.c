@@ -23,7 +23,7 @@ struct CoverageModel {
     double settles[COVERAGE_MAX_SWEEPS];
 };
 
-/* A cone whose axis is v and whose half-angle's cosine is c contains the direction d if v·d > c. */
+/* A cone with the axis v and the half-angle α contains the direction d if v·d > c, c = cos α. */
 CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
                                   const double *quality, int n) {
     g_return_val_if_fail(n >= 0 && n <= COVERAGE_MAX_SWEEPS, NULL);

@@ -32,9 +32,10 @@ CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
 void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
-/* Of the texels that the camera sees, returns the share that the sweep with the number sweep is
- * expected to settle in addition to the taken sweeps (bit i: sweep i), if it is not known what the
- * taken sweeps saw. Returns 0 if no cone of the model contains the camera. */
+/* Returns the share of texels, among those that the camera sees, that a sweep is expected to settle
+ * in addition to the taken sweeps. sweep is the number of this sweep. Bit i of taken stands for
+ * sweep i. It is assumed to be unknown what the taken sweeps saw. Returns 0 if no cone of the model
+ * contains the camera. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
 /* Returns the probability that a sweep lights a point that the camera sees. Of the taken sweeps,

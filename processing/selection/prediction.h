@@ -117,7 +117,7 @@ struct prediction_choice {
 /* Chooses up to most shots, one at a time. Each time, it chooses the shot whose pairs, given all
  * measured pairs and those chosen before, reduce the summed variance of all pairs most for its
  * price (the criterion A of optimal design; Krause et al. 2008). taken (n_shots) marks shots that
- * cannot be chosen; it may be NULL. ret has room for most. Returns the number of chosen shots,
+ * cannot be chosen; it may be NULL. ret has most elements. Returns the number of chosen shots,
  * which is smaller than most if no others are left or if no other shot reduces the variance. The
  * sums are over at most PREDICTION_TARGETS pairs, spread over all. If more than
  * PREDICTION_CANDIDATES shots are left, only that many, evenly spread, are considered. Returns −1

@@ -1,7 +1,7 @@
 /* Lays out a sample without end and without repetition while it is drawn. The plane is divided into
- * hexagons, each of which shows another part of the sample (tiling and blending, Heitz and Neyret
- * 2018). The method is for materials without order. Nothing is synthesised beforehand, and there is
- * no file.
+ * hexagons, and each hexagon shows another part of the sample (tiling and blending, Heitz and
+ * Neyret 2018). The method is for materials without order. Nothing is synthesised beforehand, and
+ * there is no file.
  *
  * The centres of the hexagons are the vertices of a lattice of triangles. A point has three
  * barycentric coordinates w_k in its triangle, which grow towards the three centres. Shares are

@@ -53,7 +53,8 @@ struct codec_geometry *held_out_rest_geometry(const struct codec_geometry *geome
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
 
-/* Gives only the relative RMS error that held_out_compare() finds for a model of codec. */
+/* Gives in *ret_error only the relative RMS error that held_out_compare() finds for a model of
+ * codec. */
 gboolean held_out_error(const struct btf_matrix *btf, const struct held_out *held,
                         const struct codec *codec, gconstpointer model, const struct work *work,
                         double *ret_error, GError **error);

@@ -41,9 +41,10 @@ void texel_model_to_halves(float *values, gsize n);
 
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 typedef void (*TexelModelReconstruct)(gconstpointer model, int texel, float *ret);
-/* Computes ‖x − x̂‖ / ‖x‖ and the mean of |Y − Ŷ| over all values x of the BTF that are not NaN,
- * where x̂ is the model's value, and Y and Ŷ are the luminances of x and x̂. If all values of the
- * BTF are 0, the first error is 0. The result does not depend on the number of threads. */
+/* Computes errors over all values x of the BTF that are not NaN. x̂ is the value of the model, and Y
+ * and Ŷ are the luminances of x and x̂. *ret_error is ‖x − x̂‖ / ‖x‖, or 0 if all values of the BTF
+ * are 0. *ret_luminance_error is the mean of |Y − Ŷ|. The result does not depend on the number of
+ * threads. */
 void texel_model_errors(const struct btf_matrix *btf, TexelModelReconstruct reconstruct,
                         gconstpointer model, int n_threads, double *ret_error,
                         double *ret_luminance_error);

@@ -209,9 +209,10 @@ LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl
     return nl / (hl * most);
 }
 
-/* Computes f = diffuse n·l + specular s (v, l), and j, its derivatives with respect to the seven
- * parameters: those of the frame (turns) follow from ∂t, ∂b and ∂n, those of log U and log V from
- * the exponent and the scale. */
+/* Computes f = diffuse n·l + specular s (v, l), and j, the derivatives of f with respect to the
+ * seven parameters. The derivatives with respect to the parameters of the frame (turns) follow from
+ * ∂t, ∂b and ∂n. The derivatives with respect to log U and log V follow from the exponent and the
+ * scale. */
 LANES_INLINE lanes facet(enum lobes_model model, const struct prepared_facet *f, const lanes v[3],
                          const lanes l[3], lanes *j) {
     const lanes *t = f->frame[0], *b = f->frame[1], *n = f->frame[2];

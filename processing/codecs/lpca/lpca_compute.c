@@ -388,7 +388,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
-    /* three copies of tables and weights in floats, of which one is rotated, and two rounded copies
+    /* three copies of tables and weights in floats (one of them rotated), and two rounded copies
      * with integers */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);

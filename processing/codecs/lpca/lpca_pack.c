@@ -115,9 +115,9 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
                               values[pair * COLOURS + i % COLOURS];
 }
 
-/* Computes the eigenvectors of the matrix sums, of which only the upper half is given. Row i of ret
- * is the eigenvector with the i-th largest eigenvalue, rounded to half floats. If the LAPACK
- * function fails, the rows of ret are unit vectors along the axes. */
+/* Computes the eigenvectors of the symmetric matrix sums. Only the upper half of sums is given. Row
+ * i of ret is the eigenvector with the i-th largest eigenvalue, rounded to half floats. If the
+ * LAPACK function fails, the rows of ret are unit vectors along the axes. */
 static void principal(const float *sums, int n, float *ret) {
     g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
     for (int i = 0; i < n * n; i++)

@@ -27,7 +27,7 @@ struct refine {
     /* if TRUE, W = X Eᵀ, for which the BTF is read once more; otherwise W follows from P */
     gboolean weigh;
     double *squares; /* views × clusters: Σ ‖x − run->mean‖² of the rows x in a view */
-    /* c × c per cluster; in turn PᵀP, the matrix that turns P into W, Σ w wᵀ and Uᵀ */
+    /* c × c per cluster; one after the other PᵀP, the matrix that turns P into W, Σ w wᵀ and Uᵀ */
     double *rotations;
     /* two per cluster: ‖X − W E‖², and Σ ‖x‖² of the rows x themselves */
     double *residual;
@@ -262,8 +262,9 @@ static double *covariances(const struct refine *refine) {
     return ret;
 }
 
-/* Rotates the axes E of cluster k so that the components are uncorrelated and descend: with the
- * eigenvectors U of Σ w wᵀ (c × c), E ← Uᵀ E and w ← Uᵀ w; E_i is 0 where all its weights are 0. */
+/* Rotates the axes E of cluster k so that the components are uncorrelated and sorted by descending
+ * variance. U are the eigenvectors of Σ w wᵀ (c × c): E ← Uᵀ E and w ← Uᵀ w. If all weights of a
+ * component are 0, its E_i becomes 0. */
 static void rotate_axes(int k, gpointer data) {
     const struct refine *refine = data;
     struct lpca *lpca = refine->lpca;
@@ -384,8 +385,8 @@ static gboolean make(struct refine *refine, GError **error) {
 
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct refine refine = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
-    /* A packed file may have many axes, of which the last, found from a sample, are not accurate
-     * for all rows. W is then computed from the BTF, and not from P. */
+    /* A packed file may have many axes. They are found from a sample, so that the last ones are not
+     * accurate for all rows. W is then computed from the BTF, and not from P. */
     refine.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
     refine.lpca->error = -1;
     refine.lpca->colours = run->options->colours;

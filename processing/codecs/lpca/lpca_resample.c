@@ -35,8 +35,8 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
 }
 
 /* Converts a table E (views × lights × 3) to V E Lᵀ (n² × n² × 3) with the operators V (n² × views)
- * and L (n² × lights): first the views, then the lights of each view, whose colours are
- * adjacent. */
+ * and L (n² × lights). Converts the views first, then the lights of each view. The colours of a
+ * light are adjacent. */
 static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
                            const float *views, const float *lights, float *between) {
     const int samples = to->layout.views.n, row = from->layout.lights.n * COLOURS;

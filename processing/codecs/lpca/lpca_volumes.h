@@ -18,5 +18,6 @@ struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **
 void lpca_volumes_block(int n, const float *values, float *ret);
 
 /* Converts values to signed bytes −127 … 127, which a graphics card reads as −1 … 1 (Schneider 2004
- * §6.3). Returns the largest magnitude of the values, by which the weights must be multiplied. */
+ * §6.3). ret_steps gets the n bytes. Returns the largest magnitude of the values, by which the
+ * weights must be multiplied. */
 float lpca_volumes_quantise(const float *values, gsize n, gint8 *ret_steps);

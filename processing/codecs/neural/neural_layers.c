@@ -18,8 +18,8 @@ LANES_INLINE float lanes_sum(lanes x) {
 }
 
 /* Sets `rows` rows of ret to bias + Σ weight · x. rows is a constant, so that the sums stay in
- * registers. weights is rows × n, x is n × NEURAL_BATCH, of which `vectors`, an even number of
- * vectors, are used. */
+ * registers. weights is rows × n. x is n × NEURAL_BATCH; the first `vectors` vectors of each row of
+ * x are used, an even number. */
 LANES_INLINE void sum_rows(gsize rows, const float *weights, gsize n, const float *biases,
                            const lanes *x, gsize vectors, gboolean leaky, lanes *ret) {
     for (gsize v = 0; v < vectors; v += 2) {

@@ -74,10 +74,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 
 const struct bonn_header *bonn_header(const BonnFile *file);
 
-/* Reads one view: n_lights × height × width × 3 (R, G, B), as stored, except that logarithms and
- * colour models are undone. Texels that the mask leaves out, and texels with a value that is not
- * finite, are 0. ret_holes (n_lights) receives the number of such texels for each light. Returns
- * FALSE with an error if the file cannot be read, or has become shorter since it was opened. */
+/* Reads one view to ret_rgb, n_lights × height × width × 3 (R, G, B). Values are as stored, except
+ * that logarithms and colour models are undone. Texels that the mask leaves out, and texels with a
+ * value that is not finite, are 0. ret_holes (n_lights) receives the number of such texels for each
+ * light. Returns FALSE with an error if the file cannot be read, or has become shorter since it was
+ * opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
@@ -89,8 +90,8 @@ typedef struct BonnViews BonnViews;
 BonnViews *bonn_views_read(const BonnFile *file, int first, int n, int n_threads, GError **error);
 void bonn_views_free(BonnViews *views); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnViews, bonn_views_free)
-/* Returns one picture of bonn_read_view(): height × width × 3. Returns the number of texels without
- * values. Any thread. */
+/* Gives one picture of bonn_read_view() in ret_rgb (height × width × 3). Returns the number of
+ * texels without values. Any thread. */
 int bonn_views_picture(const BonnViews *views, int view, int light, float *ret_rgb);
 
 /* Writes a BDI view by view, in any order. bonn_writer_finish() syncs the file and gives it its

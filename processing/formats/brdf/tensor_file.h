@@ -3,7 +3,7 @@
  *
  *   header  "tensor_file" and a NUL; u8 1, u8 0 (the version); u32 number of fields
  *   field   u16 length of the name; the name; u16 number of dimensions; u8 type; u64 position of
- *           the numbers in the file; u64 size of each dimension, of which the last varies fastest
+ *           the numbers in the file; u64 size of each dimension; the last dimension varies fastest
  *
  * A damaged or hostile file cannot take much memory: the size of a field is compared with the
  * length of the file before memory is allocated, and all fields together take no more memory than

@@ -90,8 +90,9 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* Gives the values to be fitted: the values of channel c, or, if colour is not NULL, the brightness
- * s for which s C is nearest to R, G, B, with the colour C: s = Σ C_k RGB_k / Σ C_k². */
+/* Gives the values to be fitted. If colour is NULL, these are the values of channel c. Otherwise,
+ * it is the brightness s for which s C is nearest to R, G, B, where C is the colour: s = Σ C_k
+ * RGB_k / Σ C_k². */
 static void observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                      double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
