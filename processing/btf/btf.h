@@ -80,8 +80,8 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
  * missing light times that light's cos θ_l. The part of a light that was left out has the attribute
  * mesorig.left_out (int, 1). A missing light has no part if no light of the view was captured.
  * Fails if a picture cannot be read or belongs to another shot, if pictures differ in their colour
- * filter, if more than half of a picture's texels are holes, if cancelled, or if the file cannot be
- * written. */
+ * filter, or if more than half of a picture's texels are holes. Fails also if cancelled, or if the
+ * file cannot be written. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 

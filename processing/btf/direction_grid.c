@@ -142,8 +142,9 @@ static double *smooth_at(const struct smooth *smooth, const float *directions, i
     return ret;
 }
 
-/* Adds weight · ‖bᵀX − target‖² to the normal equations of X, b being the bilinear weights at a
- * direction, target a row of n: matrix += weight · b bᵀ, right += weight · b · target. */
+/* Adds the term weight · ‖bᵀX − target‖² to the normal equations of X: matrix += weight · b bᵀ,
+ * right += weight · b · target. b are the bilinear weights at a direction, and target is a row of
+ * n. */
 static void add_equation(int n_grid, const float *direction, double weight, const double *target,
                          int n, double *matrix, double *right) {
     const int samples = n_grid * n_grid;
@@ -224,8 +225,8 @@ static struct equations follow_measured(const struct smooth *smooth, int n_grid)
     return ret;
 }
 
-/* Solves (A + w B) X = R_A + w R_B for X (samples × n) by Cholesky decomposition, A and R_A being
- * the equations of smooth, B and R_B those of measured. */
+/* Solves (A + w B) X = R_A + w R_B for X (samples × n) by Cholesky decomposition. A and R_A are the
+ * equations of `smooth`, B and R_B are the equations of `measured`. */
 static double *solve(const struct equations *smooth, const struct equations *measured,
                      double weight) {
     const gsize samples = smooth->samples, n = smooth->n;

@@ -4,11 +4,11 @@
  * a little, but a direction usually stays in the same triangle. The weights are computed from the
  * positions of the corners for that texel.
  *
- * Directions are points x of the stereographic plane, (x, y) / (1 + z). Within a triangle with
- * corners x_k, barycentric weights b_k, values f_k and gradients g_k (of the quadric that is fitted
- * to the values around a corner), f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)). This is exact for every
- * quadric. Linear interpolation would lower highlights, and more so farther from the nominal
- * direction.
+ * Directions are points x of the stereographic plane, (x, y) / (1 + z). Within a triangle, the
+ * value is f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)). x_k are the corners, b_k the barycentric
+ * weights, and f_k the values. g_k is the gradient of the quadric that is fitted to the values
+ * around corner k. This is exact for every quadric. Linear interpolation would lower highlights,
+ * and more so farther from the nominal direction.
  *
  * Outside of all triangles, the nearest triangle is extrapolated by up to half its height, because
  * near the horizon half of the texels were seen from less oblique directions than the nominal one.

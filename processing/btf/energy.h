@@ -42,8 +42,8 @@ struct energy {
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error);
 void energy_free(struct energy *energy); /* NULL is ignored */
 
-/* Returns for each pair of a view and a light (n_views × n_lights) the index of the exchanged pair:
- * its view has the direction of the light, and its light has the direction of the view. The index
- * is −1 if no such pair was measured within 1°, or if cos θ of the view or the light is at most
- * 0.05; g_free(). */
+/* Returns for each pair of a view and a light (n_views × n_lights) the index of the exchanged pair.
+ * The view of the exchanged pair has the direction of the light, and its light has the direction of
+ * the view. The index is −1 if no such pair was measured within 1°, or if cos θ of the view or the
+ * light is at most 0.05; g_free(). */
 int *energy_exchanges(const struct btf_layout *layout);

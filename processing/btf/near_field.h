@@ -44,12 +44,12 @@ void near_field_free(struct near_field *near_field); /* NULL is ignored */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 
-/* Returns the irradiance of a texel on a plane that faces the lamp, relative to that of the centre
- * of the sample on a plane that faces the lamp: (r₀ / r)² (cos α / cos α₀)^n. r and r₀ are the
- * distances from the lamp to the texel and to the centre, α and α₀ the angles between the lamp's
- * aim and the directions to the texel and to the centre. n is the exponent of the lamp. Returns 1
- * if there are no positions, and 0 if the lamp does not light the centre. The picture that the lamp
- * makes, relative to a white diffuser in the centre, is ρ times this factor. */
+/* Returns the irradiance of a texel relative to the irradiance of the centre of the sample, both on
+ * planes that face the lamp: (r₀ / r)² (cos α / cos α₀)^n. r is the distance from the lamp to the
+ * texel. α is the angle at the lamp between its aim and the texel. r₀ and α₀ are the same for the
+ * centre. n is the exponent of the lamp. Returns 1 if there are no positions, and 0 if the lamp
+ * does not light the centre. The picture that the lamp makes, relative to a white diffuser in the
+ * centre, is ρ times this factor. */
 double near_field_fall_off(const struct near_field *near_field, int view, int light, int texel);
 
 /* Returns the centre of a texel on the reference plane, in the sample frame. */

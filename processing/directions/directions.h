@@ -9,8 +9,8 @@
  * stereographic plane). Outside the range of the measured directions, the value at the nearest
  * point of that range is used.
  *
- * Tables over the hemisphere are square: a and b in [−1, 1] are x + y and x − y of the direction
- * after it has been scaled to |x| + |y| + z = 1. */
+ * Tables over the hemisphere are square. A direction is first scaled to |x| + |y| + z = 1. Its
+ * coordinates in the square are then a = x + y and b = x − y, both in [−1, 1]. */
 #pragma once
 
 #include "base/vec.h"

@@ -44,7 +44,7 @@ static double turn(const Triangulation *t, int a, int b, int c) {
 }
 
 /* Returns whether the point d with the index other is within the circumcircle of a
- * counter-clockwise triangle: the determinant of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is
+ * counter-clockwise triangle: whether the determinant of the three rows (p_k − d, |p_k − d|²) is
  * positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];

@@ -91,8 +91,8 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name);
 /* Writes a file. In half parts, values beyond ±65504 are written as ±65504 and NaN as NaN. With
  * sync, the file and its directory entry are on disk when the function returns. The bytes of the
  * file depend only on the arguments. The error is EXR_ERROR_FORMAT if there are no parts, or if a
- * name, a channel or an attribute is not valid, and EXR_ERROR_TOO_LARGE if a part has no pixels or
- * more than EXR_MAX_PIXELS. */
+ * name, a channel or an attribute is not valid. It is EXR_ERROR_TOO_LARGE if a part has no pixels
+ * or more than EXR_MAX_PIXELS. */
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 

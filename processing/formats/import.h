@@ -117,9 +117,10 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * Lines (".lp"): first the number of pictures, which is optional. Then, for each picture, its name
  * and x y z of the direction to its light. The name may be missing if it is missing in all lines.
  *
- * A table, separated by commas, semicolons or tabs, whose first line names the columns: theta and
- * phi in degrees (or theta_rad and phi_rad), or x, y and z, or x_mm, y_mm and z_mm. A column name,
- * filename, file, image or picture is optional.
+ * A table. Its columns are separated by commas, semicolons or tabs, and its first line names them:
+ * theta and phi in degrees (or theta_rad and phi_rad), or x, y and z, or x_mm, y_mm and z_mm. A
+ * column with the name of the picture is optional; it is called name, filename, file, image or
+ * picture.
  *
  * x_mm, y_mm and z_mm are the position of a lamp near the sample, from the middle of the imported
  * texels. Each lamp aims at this middle. A column exponent is the n of cos^n, by which the lamp's

@@ -284,10 +284,10 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     return TRUE;
 }
 
-/* Returns the names of n pictures for a list without names: the lines of "filenames.txt" next to
- * the list or, if there is no such file, all pictures next to the list, sorted by time or by name.
- * "9.png" is before "10.png". Returns NULL with an error if their number is not n, or if their
- * order is not certain (order_by_time()). */
+/* Returns the names of n pictures for a list without names. The names are the lines of
+ * "filenames.txt" next to the list. If there is no such file, they are all pictures next to the
+ * list, sorted by time or by name. "9.png" is before "10.png". Returns NULL with an error if their
+ * number is not n, or if their order is not certain (order_by_time()). */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);

@@ -52,8 +52,8 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
 void import_coding_free_dark(gpointer dark); /* frees a value of struct import_set.darks */
 
 /* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. Fails if the
- * picture cannot be read, if it does not have the size of its camera, the colour filter that was
- * given or the format of its dark frame, or if its numbers do not fit `bits`. */
+ * picture cannot be read, or if its numbers do not fit `bits`. Fails also if it does not have the
+ * size of its camera, the colour filter that was given, or the format of its dark frame. */
 struct import_picture *import_coding_picture(const struct import_set *set,
                                              const struct import_row *row, GError **error);
 

@@ -14,8 +14,8 @@
 #define MEDIAN_ERROR 1.2533
 #define SPREAD_ERROR 1.17
 
-/* Sets level to the median of all frames, or to the median of the AROUND nearest frames if that
- * differs significantly. */
+/* Sets level to the median of all frames, or to the median of the AROUND nearest frames if the two
+ * medians differ significantly. */
 static void find_levels(struct laser_frames *frames, const int *lines) {
     g_autofree double *all = g_new(double, frames->lines);
     for (int i = 0; i < frames->lines; i++)
@@ -36,9 +36,9 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* Returns by how much the frames deviate from their levels beyond their standard errors: the
- * standard deviation u = √(s² − e²), s being the robust spread of middle − level, and e the median
- * standard error. Returns 0 unless s is significantly larger than e. */
+/* Returns by how much the frames deviate from their levels beyond their standard errors. This is
+ * the standard deviation u = √(s² − e²), where s is the robust spread of middle − level and e is
+ * the median standard error. Returns 0 unless s is significantly larger than e. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);

@@ -86,10 +86,12 @@ float maps_specular_level(const struct maps_texel *texel);
  * maps_specular_level(), in PNG divided by specular_scale. SpecularEdge is the reflectance at
  * grazing directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
-/* Adds the errors as a table of views and lights (NAME_errors.csv), as a picture with a row for
- * each view and a column for each light (NAME_errors_directions.png), and as a picture of the
- * texels (NAME_errors_texels.png). In the pictures, black is a CIEDE2000 of 0, white is 10 or more,
- * and grey means that nothing was compared. */
+/* Adds the errors in three files:
+ *   NAME_errors.csv             table of views and lights
+ *   NAME_errors_directions.png  picture with a row for each view and a column for each light
+ *   NAME_errors_texels.png      picture of the texels
+ * In the pictures, black is a CIEDE2000 of 0, white is 10 or more, and grey means that nothing was
+ * compared. */
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };

@@ -1,6 +1,6 @@
-/* What the files of the fit share: the pairs of directions (maps_pairs.c), the lobes
- * (maps_frame.c), the solver of one texel (maps_solver.c), its refinement (maps_refine.c), and the
- * priors of the refinement (maps_prior.c). */
+/* Declarations that the files of the fit share: pairs of directions (maps_pairs.c), lobes
+ * (maps_frame.c), the solver of one texel (maps_solver.c), the refinement of a texel
+ * (maps_refine.c), and the priors of the refinement (maps_prior.c). */
 #pragma once
 
 #include <math.h>
@@ -61,8 +61,8 @@ struct maps_solver;
 struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
 void maps_solver_free(struct maps_solver *solver);
 
-/* The result of a fit: the shape, the factors of the columns, and the cost, Σ u² r² / Σ u² Y², with
- * the weights u of maps_fit.h and the residuals r. */
+/* The result of a fit: the shape, the factors of the columns, and the cost. The cost is Σ u² r² / Σ
+ * u² Y², where u are the weights of maps_fit.h and r the residuals. */
 struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;

@@ -151,9 +151,9 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     return view;
 }
 
-/* Sets sight to K V Kᵀ, where V is px2 and K is the inverse of the derivative of a texel's position
- * in the picture with respect to its column and row, in the middle of the grid. Changes nothing if
- * K does not exist. */
+/* Sets sight to K V Kᵀ in the middle of the grid. V is px2. K is the inverse of the derivative of a
+ * texel's position in the picture with respect to its column and row. Changes nothing if K does not
+ * exist. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]) {
     const double middle[2] = {0.5 * view->grid.width, 0.5 * view->grid.height};
     double at[3][2], k[2][2];
@@ -228,8 +228,8 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
 /* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time. A
  * point above the plane by less than ABOVE has the distance 0. Returns OVER if the point is above
  * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the ray
- * does not go downwards, if the intersection is grazing, if the point is higher still, or if it is
- * below the structure by more than BELOW. */
+ * does not go downwards, or if the intersection is grazing. Returns −1 also if the point is higher
+ * still, or if it is below the structure by more than BELOW. */
 static float intersect(const MdfView *view, const struct laser_sheets *sheets, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))

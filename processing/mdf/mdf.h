@@ -65,13 +65,13 @@ void mdf_view_light(const MdfView *view, struct mdf_light *ret);
  * such candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
-/* Returns the number of texels that have no distance and whose surface lies above the reference
- * plane according to at least two sweeps (at least one if the view has fewer than four sweeps). */
+/* Returns the number of texels without a distance whose surface lies above the reference plane. At
+ * least two sweeps must show this, or at least one if the view has fewer than four sweeps. */
 int mdf_view_above(const MdfView *view, const float *distance);
 
-/* Returns a measure of the depth resolution of a sweep, which grows with the resolution: the volume
- * in mm³ of a tetrahedron, 0 if the sheet of light is parallel to the turntable. Its corners are
- * the laser source, the camera centre, and two points 2 mm apart on the line that the laser draws
- * through the turntable's centre. */
+/* Returns a measure of the depth resolution of a sweep, which grows with the resolution. It is the
+ * volume of a tetrahedron in mm³. The corners of the tetrahedron are the laser source, the camera
+ * centre, and two points 2 mm apart on the line that the laser draws through the turntable's
+ * centre. Returns 0 if the sheet of light is parallel to the turntable. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm);

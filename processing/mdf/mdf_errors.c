@@ -47,9 +47,9 @@ static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_
     return best;
 }
 
-/* The mean square error of Σ w z(corners) at a point is Σ w D − ½ Σ Σ w w D, because the mean of
- * (z(x) − z(y))² is D(|x − y|) = |x − y|^p. For p above 2, D is a generalised covariance, because w
- * reproduces planes. */
+/* The mean of (z(x) − z(y))² is D(|x − y|) = |x − y|^p. Hence the mean square error of Σ w
+ * z(corners) at a point is Σ w D − ½ Σ Σ w w D. For p above 2, D is a generalised covariance,
+ * because w reproduces planes. */
 double mdf_errors_between(double p) {
     static const double corner[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
     double sum = 0;

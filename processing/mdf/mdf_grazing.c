@@ -56,9 +56,9 @@ static void direction(const struct mdf_table *t, double theta_deg, double phi_de
     ret[1] = slant * sin(phi_deg * DEG);
 }
 
-/* Makes the relief from the points of the steep views: a texel with depth z has its point at
- * (column, row) + z·step, where it is added to the texels around. The depth of the relief is
- * mean − raised · standard deviation of the points in a texel. Holes are filled. */
+/* Makes the relief from the points of the steep views. A texel with depth z has its point at
+ * (column, row) + z·step. The point is added to the texels around this place. The depth of the
+ * relief is mean − raised · standard deviation of the points in a texel. Holes are filled. */
 static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double steepest = 90.0, step[2], share[4];
@@ -87,9 +87,9 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
 
-/* Finds the depths at which the rays from the texels of the reference plane first meet the relief:
- * in steps of STEP texels, then by linear interpolation between the last two points. Rays that do
- * not meet the relief get the depth deepest_mm. */
+/* Finds the depths at which the rays from the texels of the reference plane first meet the relief.
+ * Searches in steps of STEP texels, then interpolates linearly between the last two points. Rays
+ * that do not meet the relief get the depth deepest_mm. */
 static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double step[2], weight[4];
@@ -122,8 +122,8 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
-/* Returns the mean of traced minus measured depth over the seen texels of all views whose polar
- * angle is theta_deg or up to GAP_DEG less; 0 if there are no such texels. */
+/* Returns the mean of traced minus measured depth over seen texels, or 0 if there are no such
+ * texels. The views are those with polar angles from theta_deg − GAP_DEG to theta_deg. */
 static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;

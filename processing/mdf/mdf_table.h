@@ -41,10 +41,9 @@ struct mdf_table *mdf_table_read(const char *path, GError **error);
 /* Adds views at grazing angles, which were not measured. The added views are traced over the relief
  * of the steep views (mdf_grazing.c). */
 void mdf_table_add_grazing(struct mdf_table *table);
-/* For tests and benches. Returns by how many standard deviations of the depths within a texel the
- * relief must be raised (0 … 2), so that views traced in the flattest measured directions have the
- * measured mean depth.
- */
+/* For tests and benches. Returns by how much the relief must be raised so that views traced in the
+ * flattest measured directions have the measured mean depth. The unit is the standard deviation of
+ * the depths within a texel; the result is 0 … 2. */
 double mdf_table_raised(const struct mdf_table *table);
 
 /* For tests and benches. Replaces the depths of all views by those of one relief, which is made

@@ -22,9 +22,10 @@ struct mdf_plane { /* the texels of the reference plane, see pipeline.h */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm);
 
-/* Gives the position at which the ray to a point crosses the reference plane, in texels from the
- * centre of the first one, and the point's distance in mm behind the plane. Returns FALSE if the
- * position is outside of the texels; the results are set nevertheless. */
+/* Gives the position at which the ray to a point crosses the reference plane (ret_column, ret_row),
+ * in texels from the centre of the first texel. ret_mm is the distance of the point behind the
+ * plane, along the ray. Returns FALSE if the position is outside of the texels; the results are set
+ * nevertheless. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm);
 

@@ -20,8 +20,8 @@
 /* a view is dark if its mean reflectance under the steepest light is below this; the blackest
  * paints reflect more */
 #define DARK 0.0005
-/* a view is dark also if its mean reflectance is below this share of the median over views, unless
- * the mean of its brightest frame is at least DARK_DN above dark */
+/* a view is also dark if its mean reflectance is below DARK_SHARE of the median over views, and the
+ * mean of its brightest frame is less than DARK_DN above dark */
 #define DARK_SHARE 0.02
 #define DARK_DN    5.0
 /* a view is saturated if at least this share of its values are lower bounds */

@@ -21,8 +21,9 @@ struct mdf_result {
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 
 /* Makes the MDF of a view. D and P are those of this view alone (mdf_settle() completes them).
- * Returns NULL with an error if the file of a sweep cannot be read or has another sweep than the
- * plan, if a frame is needed (lines_in_pictures) that was not kept, or if cancelled. Any thread. */
+ * Returns NULL with an error if the file of a sweep cannot be read, or if its sweep is not that of
+ * the plan. Fails also if a frame was not kept that lines_in_pictures needs, or if cancelled. Any
+ * thread. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 

@@ -1,5 +1,6 @@
-/* The expected benefit of a laser sweep before it is taken: which points of a surface are lit from
- * one direction, given the directions from which they were lit, or were not.
+/* The expected benefit of a laser sweep before it is taken. The model says which points of a
+ * surface are lit from one direction, if it is known from which directions they were lit and from
+ * which they were not.
  *
  * The model assumes that a surface point is visible from, and lit from, all directions within a
  * cone about its axis. The rest of the sky is hidden by the point's own surface and by its
@@ -8,8 +9,8 @@
  * all azimuths, so that no kind of relief is preferred. The observations of a point weight the
  * cones (Bayes). There is a small probability that a sweep was misled.
  *
- * A sweep that lights a point settles its distance with a probability s that grows with the depth
- * resolution of the pair of camera and laser: s = 0.03 + 0.5 q. Here q, 0 … 1, is the precision
+ * A sweep that lights a point settles its distance with the probability s = 0.03 + 0.5 q, which
+ * grows with the depth resolution of the pair of camera and laser. Here q, 0 … 1, is the precision
  * with which the sweep measures a distance, relative to the most precise sweep
  * (plan_sweep_model()). Several sweeps settle the distance with the probability 1 − Π (1 − s), so
  * that each further sweep adds less.

@@ -29,9 +29,9 @@
 typedef struct NearestPrediction NearestPrediction;
 
 /* Fits the model to probes, which are as in prediction_new(). If like is not NULL, the mean
- * material and the constants of the covariance are those of like, which must be for the same
- * directions; this takes a fraction of the time. The error is DATA_ERROR_INVALID if no row of
- * probes has a value for each measured pair. Can be cancelled by work. */
+ * material and the constants of the covariance are taken from like, which must be for the same
+ * directions. This takes a fraction of the time of a fit. The error is DATA_ERROR_INVALID if no row
+ * of probes has a value for each measured pair. Can be cancelled by work. */
 NearestPrediction *nearest_prediction_new(const struct prediction_pairs *pairs, const float *probes,
                                           const struct vec3 *at_mm, int n_probes,
                                           const NearestPrediction *like, const struct work *work,

@@ -114,11 +114,11 @@ struct prediction_choice {
     double error_before, error_after;
 };
 
-/* Chooses up to most shots, one at a time. Each time, it chooses the shot whose pairs, given all
- * measured pairs and those chosen before, reduce the summed variance of all pairs most for its
- * price (the criterion A of optimal design; Krause et al. 2008). taken (n_shots) marks shots that
- * cannot be chosen; it may be NULL. ret has most elements. Returns the number of chosen shots,
- * which is smaller than most if no others are left or if no other shot reduces the variance. The
+/* Chooses up to `most` shots, one at a time. Each time, it chooses the shot that reduces the summed
+ * variance of all pairs most for its price, given all pairs that are measured or were chosen before
+ * (the criterion A of optimal design; Krause et al. 2008). taken (n_shots) marks shots that cannot
+ * be chosen; it may be NULL. ret has space for `most` choices. Returns the number of chosen shots,
+ * which is smaller than `most` if no others are left or if no other shot reduces the variance. The
  * sums are over at most PREDICTION_TARGETS pairs, spread over all. If more than
  * PREDICTION_CANDIDATES shots are left, only that many, evenly spread, are considered. Returns −1
  * with an error when cancelled. The progress stage is "choice". */

@@ -15,9 +15,10 @@ struct input {
 
 void input_clear(struct input *input);
 
-/* Reads the first part of the file. The error is DATA_ERROR_INVALID if the checksum differs from
- * the session's, if the picture is not width × height, if the file cannot be read or has no parts,
- * or if one of the channels (NULL-terminated) is missing. Free the part with exr_part_free(). */
+/* Reads the first part of the file. channels is NULL-terminated. The error is DATA_ERROR_INVALID if
+ * the checksum differs from the session's, if the picture is not width × height, if the file cannot
+ * be read or has no parts, or if one of the channels is missing. Free the part with
+ * exr_part_free(). */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
 /* Returns the mosaic (height × width, borrowed) of a frame that input_read() or exr_read_part() has

@@ -164,8 +164,8 @@ struct session_plan {
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
 /* Opens an existing session. The error is SESSION_ERROR_FORMAT if there is no session, or if it is
- * damaged or of another version, and SESSION_ERROR_LOCKED if the mode is SESSION_CAPTURE and
- * another process captures into it. */
+ * damaged or of another version. The error is SESSION_ERROR_LOCKED if the mode is SESSION_CAPTURE
+ * and another process captures into the session. */
 Session *session_open(const char *path, enum session_mode mode, GError **error);
 void session_close(Session *session); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Session, session_close)
@@ -227,10 +227,10 @@ void session_suspicions(Session *session, GPtrArray *ret);
  * Returns NULL on error. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);
 
-/* Writes the row of a product, or replaces it: made_by (the hash of the inputs, or the arguments
- * with which mesorig makes the file again), and the checksum and the size of the file at this
- * moment. The error is SESSION_ERROR_IO if the file cannot be read or lies outside of the session,
- * or if the session is open as SESSION_READ. */
+/* Writes the row of a product, or replaces it. The row has made_by, and the checksum and the size
+ * of the file at this moment. made_by is the hash of the inputs, or the arguments with which
+ * mesorig makes the file again. The error is SESSION_ERROR_IO if the file cannot be read or lies
+ * outside of the session, or if the session is open as SESSION_READ. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
 /* Does the same as session_add_product() for a file by its path. Files outside of a session's

@@ -12,8 +12,8 @@
  * to half of the sample are considered. The larger period of the two axes is returned. */
 int order_period(const struct texel_features *features);
 
-/* Returns the RMS difference between ρ of the sample and of a map, over lags of up to a third of
- * the sample's shorter side, but at most the shorter side of the map. 0 means that the order is
+/* Returns the RMS difference between ρ of the sample and ρ of a map. Lags are at most a third of
+ * the sample's shorter side, and at most the shorter side of the map. 0 means that the order is
  * kept, 1 that it is lost completely. */
 double order_difference(const struct texel_features *features, const struct index_map *map);
 

@@ -3,9 +3,10 @@
  * whose neighbourhood has the textons that are already around p.
  *
  * The cost of s at p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 × 5 offsets d, with t the
- * texton of a texel and c its centre. Candidates are texels that continue a neighbour of p in the
- * sample (the texel s (p + d) − d), and texels whose neighbourhood is similar to the neighbourhood
- * of such a texel. The result has the statistics of the sample, but not its long-range order. */
+ * texton of a texel and c its centre. There are two kinds of candidates. The first continue a
+ * neighbour of p in the sample: the texels s (p + d) − d. The second are texels whose neighbourhood
+ * is similar to the neighbourhood of one of the first kind. The result has the statistics of the
+ * sample, but not its long-range order. */
 #pragma once
 
 #include "index_map.h"

@@ -1,7 +1,7 @@
-/* A part of a sample that can be repeated. Its right edge is laid over its left edge, its lower
- * edge over its upper edge, and both overlaps are cut along the path of least error (Efros and
- * Freeman 2001; the second path is closed). Errors are distances of features (texel_features.h), so
- * that the same path is cut for all views and lights and the MDF. */
+/* A part of a sample that can be repeated. Its right edge is laid over its left edge, and its lower
+ * edge over its upper edge. Both overlaps are cut along the path of least error (Efros and Freeman
+ * 2001); the second path is closed. Errors are distances of features (texel_features.h), so that
+ * the same path is cut for all views and lights and the MDF. */
 #pragma once
 
 #include "index_map.h"

@@ -108,9 +108,9 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
                          &chart->grid, 0, chart->rgb, error);
 }
 
-/* Sets ret->rgb to the reflectance of a patch: the sum of the values over the sum of cos θ_l (the
- * values of a perfect white), over the texels within the patch's disc and over the lights. Copies
- * xyz of the field. Returns FALSE if the disc contains no texel. */
+/* Sets ret->rgb to the reflectance of a patch: the sum of the values divided by the sum of cos θ_l,
+ * the values of a perfect white. Both sums are over the texels within the patch's disc and over the
+ * lights. Copies xyz of the field. Returns FALSE if the disc contains no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;

@@ -1,6 +1,6 @@
-/* Reads the source of an export for WebGL from a session or a compressed material: a local PCA in
- * R, G, B, or neural planes; and the views and the shell of the MDF. Other forms of a material are
- * converted to a local PCA. Any thread. */
+/* Reads the source of an export for WebGL from a session or a compressed material. The source is a
+ * local PCA in R, G, B, or neural planes. It also has the views and the shell of the MDF. Other
+ * forms of a material are converted to a local PCA. Any thread. */
 #pragma once
 
 #include "base/work.h"

@@ -1,8 +1,8 @@
 /*
  * These functions measure the error of a codec at directions that it has not seen. Views and lights
- * of a BTF are left out, the rest is encoded, and the model is evaluated at the directions that
- * were left out, as a renderer evaluates it between the measured directions (place.h). The truth is
- * the measured value. Any thread.
+ * of a BTF are left out, and the rest is encoded. The model is then evaluated at the directions
+ * that were left out, in the same way as a renderer evaluates it between the measured directions
+ * (place.h). The result is compared with the measured values. Any thread.
  *
  * The error is that of the codec and of the interpolation together. If the model is the remaining
  * BTF itself (material_btf_codec), the error is that of the interpolation only.

@@ -28,8 +28,8 @@ const char *texel_model_kind(const struct exr_file *file); /* NULL if the file h
 gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
                                struct btf_layout *ret_layout, const char **ret_what,
                                GError **error);
-/* Returns a text such as "4 × 3 texels, of 5 views × 6 lights; at the measured directions: error
- * 1.00 %, luminance off by 0.0100", made from headers only, or NULL if parts are missing.
+/* Makes a text from the headers only, such as "4 × 3 texels, of 5 views × 6 lights; at the measured
+ * directions: error 1.00 %, luminance off by 0.0100". Returns NULL if parts are missing.
  * g_free() */
 char *texel_model_describe_file(const struct exr_file *file);
 

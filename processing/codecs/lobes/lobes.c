@@ -122,8 +122,9 @@ static gboolean is_there(const float *rgb) {
     return !isnan(rgb[0]) && !isnan(rgb[1]) && !isnan(rgb[2]);
 }
 
-/* Splits n values R, G, B into their luminances Y (NaN if a colour is NaN) and the one colour Σ RGB
- * / Σ Y, by which each Y is multiplied again. The colour is white if Σ Y is not above 0. */
+/* Splits n values R, G, B into their luminances Y (NaN if a colour is NaN) and one colour, Σ RGB /
+ * Σ Y. The product of Y and this colour stands for R, G, B. The colour is white if Σ Y is not above
+ * 0. */
 static void split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
     double sums[COLOURS] = {0}, all = 0;
     for (gsize i = 0; i < n; i++, rgb += COLOURS) {

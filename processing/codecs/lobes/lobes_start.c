@@ -38,8 +38,8 @@ static float spacing(const struct lobes_fit *fit) {
 }
 
 /* Returns the matrix 1 − K (n_lights²), which subtracts from each light's value the weighted mean
- * of the lights around it: K_ij = exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the
- * angle between lights. */
+ * of the lights around it. K_ij = exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), where α_ij is
+ * the angle between the lights i and j. */
 static float *high_pass(const struct lobes_fit *fit, float width) {
     const int n = fit->n_lights;
     float *matrix = g_new(float, n *n);

@@ -14,8 +14,8 @@ static const float *lpca_evaluate_tables(const struct lpca *lpca, int cluster) {
            (gsize)cluster * (gsize)(lpca->n_components + 1) * btf_layout_values(&lpca->layout);
 }
 
-/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b), where w_0 is the weight of the mean, and g_a and h_b are
- * the weights of the query's views a and lights b. */
+/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b). w_0 is the weight of the mean. g_a is the weight of view
+ * a of the query, and h_b is the weight of light b. */
 static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_query *query,
                                   int cluster, const float *w, float ret[COLOURS]) {
     const float *tables = lpca_evaluate_tables(lpca, cluster);

@@ -62,8 +62,9 @@ static gsize dimensions(const struct lpca *lpca) {
     return btf_layout_values(&lpca->layout);
 }
 
-/* Returns the scale S of each table (lpca_pack.h), the weight of the table's errors: √(Σ_x w_i(x)²)
- * over the texels x of the cluster, and for a mean the root of their number. g_free() */
+/* Returns the scale S of each table (lpca_pack.h), which is the weight of the table's errors. S is
+ * √(Σ_x w_i(x)²) over the texels x of the cluster. For a mean, S is the square root of the number
+ * of these texels. g_free() */
 static float *find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -206,8 +207,9 @@ static void rotate_colours(const float *rotation, gboolean back, int lines, int 
         }
 }
 
-/* Computes the core of a table E (views × lights × colours): S V E with the axes V of views, then
- * the products with the axes of lights, then with those of colours. */
+/* Computes the core of a table E (views × lights × colours). Computes S V E with the axes V of
+ * views first, then the products with the axes of lights, and then the products with the axes of
+ * colours. */
 static void rotate_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;

@@ -18,8 +18,11 @@ struct groups {
     int *starts;             /* position in texels at which each cluster begins: clusters + 1 */
 };
 
-/* X: the rows of a cluster minus its mean (n × d), P: their coordinates in few dimensions (n × c),
- * E: eigen-BRDFs (c × d), W: weights (n × c). */
+/* The matrices of a cluster of n texels:
+ *   X  rows minus the cluster's mean, n × d
+ *   P  coordinates of the rows in few dimensions, n × c
+ *   E  eigen-BRDFs, c × d
+ *   W  weights, n × c */
 struct refine {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when it is no longer needed */
@@ -138,9 +141,10 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* Computes the mean of cluster k, E_0 = a + off, where a is the run's mean and off = Σ (x − a) / n
- * over the cluster's n rows x. Also computes the residual of the mean without components, and Σ
- * ‖x‖²: Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖², Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
+/* Computes the mean of cluster k, E_0 = a + off. a is the run's mean, and off = Σ (x − a) / n over
+ * the cluster's n rows x. Also computes the residual of the mean without components, and Σ ‖x‖²:
+ *   Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖²
+ *   Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
 static void finish_mean(const struct refine *refine, int k) {
     const GArray *members = g_ptr_array_index(refine->reduced->members, k);
     const struct lpca_run *run = refine->run;

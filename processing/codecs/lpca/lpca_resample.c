@@ -97,8 +97,8 @@ static void fill_weights(int n_grid, const float *theta_deg, const float *phi_de
     }
 }
 
-/* Computes Σ_a Σ_b v_a l_b G(a, b) of the grid G over the four samples a around the view and the
- * four samples b around the light, with their weights v_a and l_b. */
+/* Computes Σ_a Σ_b v_a l_b G(a, b) of the grid G. a are the four samples around the view, with the
+ * weights v_a. b are the four samples around the light, with the weights l_b. */
 static void interpolate(const struct comparison *to, const float *grid, int view, int light,
                         float ret[COLOURS]) {
     const gsize samples = to->lpca->layout.lights.n;

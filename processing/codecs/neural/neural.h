@@ -206,11 +206,11 @@ struct neural_options {
  * map is the median of the points in each of its cells; cells without a point continue their
  * neighbours.
  *
- * The training minimises the squared difference of colours after the curve log(1 + 60 x) / log 61,
- * with Adam (Kingma & Ba 2015; β 0.9 and 0.99) in steps of NEURAL_STEP samples, which are drawn at
- * random. The learning rate is 0.02 for channels and planes and 0.01 for the network. It rises
- * during 50 steps and falls to a fiftieth. There are at least NEURAL_MIN_STEPS steps. Then all
- * numbers are rounded to bytes.
+ * The training minimises the squared difference of colours after the curve log(1 + 60 x) / log 61.
+ * The method is Adam (Kingma & Ba 2015; β 0.9 and 0.99). Each step has NEURAL_STEP samples, which
+ * are drawn at random. The learning rate is 0.02 for channels and planes and 0.01 for the network.
+ * It rises during 50 steps and falls to a fiftieth. There are at least NEURAL_MIN_STEPS steps. Then
+ * all numbers are rounded to bytes.
  *
  * The result does not depend on the number of threads. It depends on the seed, and in the last
  * digits on the kind of processor. The progress stages are "train" and "errors". Fails if an option

@@ -1,9 +1,10 @@
 /* The mean apparent BRDF of a material's texels, and a smooth function that interpolates it.
  *
- * B(v, l), which contains n·l, is averaged over the texels of a region without holes, and divided
- * by π cos θ_l: f_r(l, v) = B / (π cos θ_l), with cos θ_l at least 0.05. Between the measured
- * directions f_r is interpolated as by direction_grid.h, separately over views and lights. Beyond
- * the lowest measured direction f_r keeps the value of that direction. f_r is never negative. */
+ * B(v, l), which contains n·l, is averaged over the texels of a region. Holes are left out. The
+ * mean B is divided by π cos θ_l, with cos θ_l at least 0.05: f_r(l, v) = B / (π cos θ_l). Between
+ * the measured directions f_r is interpolated as by direction_grid.h, separately over views and
+ * lights. Beyond the lowest measured direction f_r keeps the value of that direction. f_r is never
+ * negative. */
 #pragma once
 
 #include "btf/btf_layout.h"
