@@ -212,8 +212,8 @@ static const float *inner_weights(const Rectify *rectify, int texel, float *copy
     return copy;
 }
 
-/* Sums of one colour over a texel: of u², of the squares of the pixels of other colours, and of the
- * slopes. */
+/* Sums of one colour over a texel. squares: sum of u²; others: sum of the squares of the pixels of
+ * other colours; dx, dy: sums of the slopes. */
 struct rectify_sums {
     wide squares, others, dx, dy;
 };

@@ -110,8 +110,8 @@ static void dark(struct maps_texel *ret) {
                                .normal = {0, 0, 1}};
 }
 
-/* Gives the parameters the same lobes without a metal: a metal's lobe is that of a dielectric with
- * a specular colour. */
+/* Replaces the metal in the parameters by a dielectric with the same lobes. This is possible
+ * because a metal has the same lobe as a dielectric with a specular colour. */
 static void make_dielectric(struct maps_parameters *x) {
     const float m = x->x[MAPS_REFINE_METALLIC], w = x->x[MAPS_SHAPE - 1];
     const float all = (1 - m) * w + m;

@@ -5,7 +5,7 @@
 
 #define FEATURES 3
 #define ROUNDS   20
-#define RADIUS   2                /* of the window of neighbours, in texels */
+#define RADIUS   2                /* radius of the window of neighbours, in texels */
 #define APART    0.1F             /* difference of features at which a neighbour counts e^−½ */
 #define WEIGHT   (MAPS_SHAPE - 1) /* index of the specular weight w */
 

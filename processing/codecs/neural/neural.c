@@ -61,7 +61,7 @@ static void decode(const guint8 *bytes, gsize n, const struct neural_scale *scal
             ret[i * n_scales + k] = scales[k].minimum + scales[k].step * bytes[i * n_scales + k];
 }
 
-/* Decodes the heights, with a copy of the first row and column behind the last. */
+/* Decodes the heights. Copies of the first row and column follow the last row and column. */
 static void decode_heights(const struct neural *neural, const struct neural_scale *scale,
                            float *ret) {
     const gsize columns = 2 * neural->layout.width, rows = 2 * neural->layout.height;
@@ -111,7 +111,8 @@ void neural_light(const struct neural *neural, int light, int texel, float ret[3
                            ret);
 }
 
-/* Averages bytes from (columns × rows × channels) to half the size, weighting by overlaps. */
+/* Reduces bytes (columns × rows × channels) to to_columns × to_rows, half the size. A new element
+ * is the mean of the elements that it overlaps, weighted by the overlaps. */
 static void halve(const guint8 *from, gsize columns, gsize rows, gsize n_channels, guint8 *ret,
                   gsize to_columns, gsize to_rows) {
     for (gsize i = 0; i < to_columns * to_rows; i++)

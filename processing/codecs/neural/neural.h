@@ -1,9 +1,9 @@
 /*
- * Neural planes: a small network computes the colour of a BTF from channels of each texel, from
- * two planes over directions, and from what a height map says of the ray and of the light. The
- * height map is made from the MDF, so that the network need not learn parallax and shadows. The
- * planes are those of Fan et al. 2023 (“Neural Biplane Representation for BTF Rendering and
- * Acquisition”) and Xu et al. 2024; docs/lab/compression.md compares forms of such networks.
+ * Neural planes: a small network computes the colour of a BTF from channels of each texel, from two
+ * planes over directions, and from what a height map says of the ray and of the light. The height
+ * map is made from the MDF, so that the network need not learn parallax and shadows. The planes are
+ * those of Fan et al. 2023 (“Neural Biplane Representation for BTF Rendering and Acquisition”) and
+ * Xu et al. 2024; docs/lab/compression.md compares forms of such networks.
  *
  * This comment defines the evaluation. neural_evaluate() computes it on the CPU. A shader that
  * follows it gives the same colours.
@@ -55,10 +55,10 @@
  *      B(c) = S(o_c) · shade + 0.3 · S(o_{3+c} − 1)
  *    where shade is the input of the network, the mean over the rays. It contains n·l, as all
  *    values of a BTF do, and is never negative.
- *
- * Points. These are the colours of texels, for which the model is fitted. A renderer evaluates a
- * point (x, y): the same with one ray, which meets the reference plane at (x, y). A pixel that is
- * smaller than a texel is the point at its middle, and a larger pixel is that point of a mip level.
+ * Points. The formulas above give the colours of texels, to which the model is fitted. A renderer
+ * evaluates points instead. The colour of a point (x, y) follows from the same formulas with one
+ * ray, which meets the reference plane at (x, y). A pixel that is smaller than a texel gets the
+ * colour of the point at its middle. A larger pixel gets the colour of this point in a mip level.
  * docs/lab/rendering.md compares points and texels with captures.
  *
  * Mip levels. A level has half the texels of the level before in each dimension, and the same
@@ -89,7 +89,7 @@
 #include "btf/btf_matrix.h"
 #include "exr/checkpoint.h"
 
-#define NEURAL_MAX_CHANNELS   16 /* of a texel; a multiple of 4 */
+#define NEURAL_MAX_CHANNELS   16 /* maximum number of channels of a texel; a multiple of 4 */
 #define NEURAL_PLANE          8  /* rows and columns of halves and differences */
 #define NEURAL_PLANE_CHANNELS 8
 #define NEURAL_PLANE_VALUES   (NEURAL_PLANE * NEURAL_PLANE * NEURAL_PLANE_CHANNELS)
@@ -146,8 +146,8 @@ int neural_weights(int n_channels);
  * the functions below. */
 void neural_prepare(struct neural *neural);
 
-/* Bytes of the arrays above in a renderer's memory, as the types of struct neural; for a mip level
- * those of surface and heights only. Positions do not count. */
+/* Returns the bytes of the arrays of struct neural in a renderer's memory. For a mip level, only
+ * surface and heights count. Positions do not count. */
 gint64 neural_bytes(const struct neural *neural);
 
 /* A colour to evaluate: its place in texels, and unit vectors to view and light. */
@@ -156,17 +156,18 @@ struct neural_sample {
     float view[3], light[3];
 };
 
-/* Evaluates n colours: n × R, G, B. Consecutive samples with the same place and view take the same
- * rays, and are faster. Several threads may call the function. */
+/* Evaluates n colours: n × R, G, B. Consecutive samples with the same place and view share their
+ * rays, which is faster. Several threads may call the function. */
 void neural_evaluate(const struct neural *neural, const struct neural_sample *samples, gsize n,
                      float *ret);
-/* Evaluates n colours of points: with one ray, which meets the reference plane at (x, y). The
- * material repeats. For renderers; the colours that neural_evaluate() gives are those of texels. */
+/* Evaluates n colours of points, for renderers. A point has one ray, which meets the reference
+ * plane at (x, y), and the material repeats. neural_evaluate() gives the colours of texels. */
 void neural_evaluate_points(const struct neural *neural, const struct neural_sample *samples,
                             gsize n, float *ret);
 
-/* Give the unit vectors from the centre of a texel to the camera of a view and to a lamp: those of
- * camera_mm and lamp_mm, or those of the layout. view and light are indices of the layout. */
+/* Give the unit vectors from the centre of a texel to the camera of a view and to a lamp. They
+ * follow from camera_mm and lamp_mm, or, if these are NULL, from the directions of the layout. view
+ * and light are indices of the layout. */
 void neural_view(const struct neural *neural, int view, int texel, float ret[3]);
 void neural_light(const struct neural *neural, int light, int texel, float ret[3]);
 
@@ -174,8 +175,8 @@ void neural_light(const struct neural *neural, int light, int texel, float ret[3
  * n_lights × 3. */
 void neural_reconstruct(const struct neural *neural, int texel, float *ret);
 
-/* Makes the next mip level. Returns NULL if the level has one texel. errors are those of level 0.
- * neural_free() */
+/* Makes the next mip level. Returns NULL if the level has one texel. The errors of the new level
+ * are copied from `neural`. neural_free() */
 struct neural *neural_halved(const struct neural *neural);
 
 /* Writes all levels into one file. n is 1 … NEURAL_MAX_LEVELS. */
@@ -191,7 +192,7 @@ struct codec_geometry;
 struct neural_options {
     int n_channels;   /* 4, 8, 12 or 16; 0 means 12 */
     double per_texel; /* samples of the training for each texel; 0 means 3000 */
-    guint32 seed;     /* of the first numbers and of the samples */
+    guint32 seed;     /* seed of the initial numbers and of the samples */
     struct work work;
     /* NULL, or a checkpoint. The checkpoint is saved at intervals and when the work is cancelled. A
      * later call for the same BTF and options continues from the checkpoint and gives the same

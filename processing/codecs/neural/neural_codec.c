@@ -60,7 +60,7 @@ static gboolean check_error(const struct neural *neural, double target, GError *
     return FALSE;
 }
 
-/* Adds the mip levels after those that the array has. */
+/* Makes the mip levels that the array lacks, from its last level on, and adds them to the array. */
 static void add_levels(GPtrArray *levels) {
     struct neural *last = levels->pdata[levels->len - 1];
     while (levels->len < NEURAL_MAX_LEVELS && (last = neural_halved(last)) != NULL)

@@ -1,13 +1,13 @@
 #include "neural_private.h"
 
 struct neural_crew {
-    int n_threads; /* without the calling thread */
+    int n_threads; /* number of threads besides the calling thread */
     GThread **threads;
     GMutex mutex;
     GCond begun, ended;
-    guint loop;   /* number of loops begun */
-    int working;  /* threads that have not ended the loop */
-    gboolean end; /* whether the threads shall end */
+    guint loop;   /* number of loops that were begun */
+    int working;  /* number of threads that have not ended the loop */
+    gboolean end; /* whether the threads must end */
     int n, next;  /* n: number of blocks of the loop; next: next block to take (atomic) */
     WorkBlock func;
     gpointer data;

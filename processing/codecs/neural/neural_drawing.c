@@ -5,9 +5,9 @@
 
 #include <math.h>
 
-#define GROUP      4     /* channels of a texture, rows and columns of a matrix */
-#define COLOURS    3     /* rows of a group of the third layer */
-#define SKY_LIGHTS 4     /* lights that replace the even sky, in each of two dimensions */
+#define GROUP      4 /* number of channels of a texture, and of rows and columns of a matrix */
+#define COLOURS    3 /* number of rows of a group of the third layer */
+#define SKY_LIGHTS 4 /* number of lights that stand for the even sky, in each of two dimensions */
 #define SKY_TEXELS 40000 /* maximum number of texels for which the even sky is computed */
 
 static const char *const ordinals[NEURAL_LAYERS] = {"FIRST", "SECOND", "THIRD"};
@@ -16,7 +16,8 @@ static float scaled(const struct neural_scale *scale, int byte) {
     return scale->minimum + scale->step * (float)byte;
 }
 
-/* A layer: its first row in all rows, its numbers of rows and inputs, and its bytes. */
+/* A layer. first_row is the number of its first row, counted through all layers. weights are its
+ * bytes. */
 struct layer {
     int first_row, n_rows, n_inputs;
     const guint8 *weights;
@@ -30,7 +31,8 @@ static struct layer layer_of(const struct neural *neural, int number) {
                           number == 0 ? inputs : NEURAL_HIDDEN, neural->weights + before[number]};
 }
 
-/* Returns the row of a layer at a place of the groups of rows, or −1 if the place has none. */
+/* Returns the row of a layer at a place of a group of rows, or −1 if there is no row at this
+ * place. */
 static int row_at(const struct layer *layer, int group, int place) {
     const int apart = layer->n_rows == NEURAL_OUTPUTS ? COLOURS : GROUP;
     return place < apart ? group * apart + place : -1;
@@ -43,7 +45,8 @@ static float weight_at(const struct neural *neural, const struct layer *layer, i
                   layer->weights[row * layer->n_inputs + input]);
 }
 
-/* Returns the bias of a row. That of the first layer has the minima of the surface's channels. */
+/* Returns the bias of a row. In the first layer, the bias includes the minima of the surface's
+ * channels. */
 static float bias_at(const struct neural *neural, const struct layer *layer, int row) {
     if (row < 0)
         return 0;
@@ -119,7 +122,7 @@ static float height_of(const struct neural *neural, gsize row, gsize column) {
            (float)neural->layout.texel_mm;
 }
 
-/* Gives the middle of a cell of the square, as a direction. */
+/* Gives the direction at the middle of a cell of the square. */
 static void view_of(gsize cell, float ret[3]) {
     const gsize row = cell / NEURAL_SKY, column = cell % NEURAL_SKY;
     const float s = ((float)column + 0.5F) / NEURAL_SKY * 2 - 1;

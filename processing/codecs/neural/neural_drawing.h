@@ -1,15 +1,15 @@
-/* The parts of neural planes that renderers put on a graphics card in another form than the file
- * has. renderer/shaders/neural.glsl reads them. Any thread. */
+/* The parts of neural planes that have another form on a graphics card than in the file.
+ * renderer/shaders/neural.glsl reads them. Any thread. */
 #pragma once
 
 #include "neural.h"
 
 /* Returns the network as lines “#define NAME value” for neural.glsl: the weights of the layers as
  * lists of matrices, and the biases as lists of vectors. Constants are about three times as fast on
- * llvmpipe as weights in a uniform block. The matrix of four rows and four inputs has the inputs as
- * its columns. Matrices of the same rows follow each other. The rows of the third layer are R, G, B
- * and a row of zeros, of the part with n·l and then of the rest. A channel of the surface is an
- * input of byte / 255: the scales of the channels are part of the first layer. g_free() */
+ * llvmpipe as weights in a uniform block. A matrix is for four rows and four inputs; each of its
+ * columns is an input. Matrices of the same rows follow each other. The third layer has R, G, B and
+ * a row of zeros for the part with n·l, and then the same for the rest. The input of a channel of
+ * the surface is byte / 255; the scales of the channels are part of the first layer. g_free() */
 char *neural_shader_network(const struct neural *neural);
 
 /* Gives the values of both planes: 4 layers × NEURAL_PLANE × NEURAL_PLANE × 4 channels. The first
@@ -20,7 +20,7 @@ void neural_shader_planes(const struct neural *neural, float *ret);
 /* Computes the reflectance under an even sky, (1/π) ∫ B dω, as the sum over 16 lights: views ×
  * height × width × R, G, B. A value is that of a point: the end of a ray at the centre of a texel.
  * The views are the middles of NEURAL_SKY × NEURAL_SKY cells of the square of directions.glsl, row
- * by row. If the model has many texels, the sky is that of a coarser mip level, whose size is set.
- * g_free() */
+ * by row. If the model has many texels, the sky of a coarser mip level is computed. *ret_width and
+ * *ret_height are the size of this level. g_free() */
 #define NEURAL_SKY 3
 float *neural_shader_sky(const struct neural *neural, int *ret_width, int *ret_height);

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#define GROUP 4 /* channels in a vector */
+#define GROUP 4 /* number of channels in a vector */
 
 typedef float quad __attribute__((vector_size(4 * GROUP)));
 typedef gint32 quad_bits __attribute__((vector_size(4 * GROUP)));
@@ -38,7 +38,7 @@ LANES_INLINE quad quad_clamp(quad x, float most) {
     return (quad)(~below & (quad_bits)x);
 }
 
-/* neural_taps() of the surface at the ends of all rays of a texel. */
+/* Does the same as neural_taps() for the surface, at the ends of all rays of a texel. */
 LANES_INLINE void find_taps(const struct neural_numbers *numbers, const struct neural_ends *ends,
                             quad_bits at[4], quad weights[4]) {
     const float width = (float)numbers->width, height = (float)numbers->height;
@@ -59,8 +59,8 @@ LANES_INLINE void find_taps(const struct neural_numbers *numbers, const struct n
     weights[3] = a * b;
 }
 
-/* Gives the whole number of a coordinate and the next one in a row of n, which repeats, and the
- * share of the next one. */
+/* Gives the element at a coordinate and the next one, in a row of n elements that repeats.
+ * *ret_share is the share of the next one. */
 LANES_INLINE void repeat(float at, int n, int ret[2], float *ret_share) {
     const float whole = floorf(at);
     const int rest = (int)(whole - (float)n * floorf(whole / (float)n));
@@ -69,7 +69,7 @@ LANES_INLINE void repeat(float at, int n, int ret[2], float *ret_share) {
     *ret_share = at - whole;
 }
 
-/* The taps of the surface at a place in texels, which repeats. */
+/* Gives the taps of the surface, which repeats, at a place in texels. */
 LANES_INLINE void repeat_taps(float x, float y, int width, int height, struct neural_taps *ret) {
     int i[2], j[2];
     float a, b;
@@ -81,8 +81,8 @@ LANES_INLINE void repeat_taps(float x, float y, int width, int height, struct ne
     }
 }
 
-/* Reads `groups` groups of channels of the surface: their means at the ends of the rays. groups and
- * points are constants, so that the sums stay in registers. */
+/* Reads `groups` groups of channels of the surface: the means of their values at the ends of the
+ * rays. groups and points are compile-time constants, so that the sums stay in registers. */
 LANES_INLINE void read_groups(const struct neural_numbers *numbers, int groups, gboolean points,
                               const struct neural_ends *ends, quad *column) {
     quad sums[NEURAL_MAX_CHANNELS / GROUP] = {{0}};
@@ -129,7 +129,7 @@ LANES_INLINE void set_inputs(const struct neural_numbers *numbers, gboolean poin
     quad column[(NEURAL_MAX_INPUTS + GROUP - 1) / GROUP] = {{0}};
     for (int s = 0; s < n; s++) {
         const struct neural_query *query = &queries[s];
-        if (!query->shared) /* otherwise these are the inputs of the sample before */
+        if (!query->shared) /* otherwise the column still has the values of the sample before */
             read_surface(numbers, points, &query->ends, column);
         memset(column + planes, 0, sizeof *column * 2 * (gsize)apart);
         read_plane(numbers->halves, query->half, column + planes);
@@ -149,7 +149,7 @@ LANES_INLINE void set(const struct neural_numbers *numbers, gboolean points,
 }
 
 #if defined(__x86_64__)
-/* Without FMA, so that the sums are the same on all processors. */
+/* FMA is not used, so that the sums are the same on all processors. */
 __attribute__((target("avx2"))) static void set_avx2(const struct neural_numbers *numbers,
                                                      gboolean points,
                                                      const struct neural_query *queries, int n,

@@ -35,7 +35,7 @@ static void add_picture(struct exr_file *file, const char *name, const char *cha
     exr_file_add(file, part);
 }
 
-/* The scales in the order of the part "scales". Returns their number. */
+/* Lists the scales in the order of the part "scales". Returns their number. */
 #define MAX_SCALES (NEURAL_MAX_CHANNELS + 1 + 2 * NEURAL_PLANE_CHANNELS)
 static int list_scales(struct neural *neural, struct neural_scale *ret[MAX_SCALES]) {
     int n = 0;
@@ -133,7 +133,8 @@ static gboolean format_error(const char *path, GError **error, const char *what)
     return FALSE;
 }
 
-/* Returns a part of this size, or NULL and *ret_what (g_free()). */
+/* Returns a part of this size. If there is none, returns NULL and sets *ret_what to a clause that
+ * says what is wrong (g_free()). */
 static const struct exr_part *find_part(const struct exr_file *file, const char *name, gsize width,
                                         gsize height, char **ret_what) {
     const struct exr_part *part = exr_file_part(file, name);
@@ -145,7 +146,8 @@ static const struct exr_part *find_part(const struct exr_file *file, const char 
     return *ret_what ? NULL : part;
 }
 
-/* Returns the values of a channel, which must be finite, or NULL and *ret_what (g_free()). */
+/* Returns the values of a channel. If the channel is missing or a value is not finite, returns NULL
+ * and sets *ret_what as find_part() does. */
 static const float *find_plane(const struct exr_part *part, const char *channel, char **ret_what) {
     const float *plane = exr_part_plane(part, channel);
     if (!plane)

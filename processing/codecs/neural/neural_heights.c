@@ -24,7 +24,8 @@ static int find_cell(const struct btf_layout *layout, const struct codec_surface
 /* Gives the median of the points in each cell, NaN in cells without points. */
 static void find_medians(const struct btf_layout *layout, const struct codec_geometry *geometry,
                          float *ret, gsize n_cells) {
-    g_autofree gsize *ends = g_new0(gsize, n_cells + 1); /* of the points of each cell */
+    /* positions in sorted at which the points of each cell end */
+    g_autofree gsize *ends = g_new0(gsize, n_cells + 1);
     g_autofree float *sorted = g_new(float, geometry->n_points + 1);
     for (gsize i = 0; i < geometry->n_points; i++) {
         const int cell = find_cell(layout, &geometry->points[i]);
@@ -33,7 +34,8 @@ static void find_medians(const struct btf_layout *layout, const struct codec_geo
     }
     for (gsize cell = 0; cell < n_cells; cell++)
         ends[cell + 1] += ends[cell];
-    /* ends[cell] is now the begin of the cell. It becomes its end as the points are filled in. */
+    /* ends[cell] is now the position at which the cell begins. Filling in the points moves it to
+     * the position at which the cell ends. */
     for (gsize i = 0; i < geometry->n_points; i++) {
         const int cell = find_cell(layout, &geometry->points[i]);
         if (cell >= 0)

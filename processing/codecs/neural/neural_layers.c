@@ -1,5 +1,6 @@
-/* The layers of the network on batches, in vectors of eight floats: steps 4 and 5 of neural.h. They
- * are compiled for processors with AVX2 and for others, whose results differ in the last digits. */
+/* Computes the layers of the network for batches, in vectors of eight floats: steps 4 and 5 of
+ * neural.h. The functions are compiled twice, for processors with AVX2 and for others. The two
+ * results differ in the last digits. */
 #include "neural_private.h"
 
 #include "codecs/lobes/lobes_lanes.h"
@@ -7,10 +8,10 @@
 #define VECTORS     (NEURAL_BATCH / LANES)
 #define LEAK        0.01F
 #define LN2         0.69314718F
-#define LARGE       5.0F /* S(y) = y above, to the last digit */
+#define LARGE       5.0F /* above this, S(y) equals y to the last digit */
 #define AMBIENT     0.3F /* factor of the part of the colour that has no n·l */
 #define AMBIENT_OFF 1.0F
-#define CURVE       60.0F       /* of the curve log(1 + 60 x) / log 61 */
+#define CURVE       60.0F       /* the 60 of the curve log(1 + 60 x) / log 61 */
 #define CURVE_LOG   4.11087386F /* log 61 */
 
 LANES_INLINE float lanes_sum(lanes x) {
@@ -40,7 +41,7 @@ LANES_INLINE void sum_rows(gsize rows, const float *weights, gsize n, const floa
     }
 }
 
-/* A layer of m rows. */
+/* Computes a layer of m rows. */
 LANES_INLINE void layer(const float *weights, const float *biases, gsize m, gsize n, const lanes *x,
                         gsize vectors, gboolean leaky, lanes *ret) {
     const gsize whole = m & ~(gsize)3;
@@ -52,7 +53,7 @@ LANES_INLINE void layer(const float *weights, const float *biases, gsize m, gsiz
                  ret + r * VECTORS);
 }
 
-/* S(y) = log(1 + exp(4 y)) / 4 */
+/* Computes S(y) = log(1 + exp(4 y)) / 4. */
 LANES_INLINE lanes softplus(lanes y) {
     const lanes soft = 0.25F * LN2 * lanes_log2(1.0F + lanes_exp2((4 / LN2) * y));
     return lanes_if(y > LARGE, y, soft);
@@ -119,16 +120,16 @@ LANES_INLINE void slope_back(const float y[NEURAL_HIDDEN][NEURAL_BATCH], lanes *
         gradient[i] = lanes_if(((const lanes *)y)[i] > 0, gradient[i], LEAK * gradient[i]);
 }
 
-/* The slope of S(y): 1 / (1 + exp(−4 y)). */
+/* Computes the slope of S(y), 1 / (1 + exp(−4 y)). */
 LANES_INLINE lanes softplus_slope(lanes y) {
     return 1.0F / (1.0F + lanes_exp2((-4 / LN2) * y));
 }
 
-/* Sets gradient to that of the loss by the outputs, and returns the loss. share is the weight of a
- * squared difference in the loss. */
+/* Sets gradient to the gradient of the loss by the outputs, and returns the loss. share is the
+ * weight of a squared difference in the loss. */
 LANES_INLINE lanes loss_back(const struct neural_batch *batch, const lanes *shade, float share,
                              const struct neural_lesson *lesson, lanes *gradient) {
-    const float scale = LN2 / CURVE_LOG; /* of log₂ */
+    const float scale = LN2 / CURVE_LOG; /* factor from log₂ to the curve */
     lanes loss = lanes_all(0);
     for (int c = 0; c < 3; c++)
         for (int v = 0; v < VECTORS; v++) {

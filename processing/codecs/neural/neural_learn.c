@@ -1,4 +1,5 @@
-/* Gradients of the loss: the derivatives of neural_evaluate.c. */
+/* Computes the gradients of the loss, that is, the derivatives of the steps in
+ * neural_evaluate.c. */
 #include "neural_private.h"
 
 #include <string.h>
@@ -16,7 +17,8 @@ void neural_transpose(const struct neural_numbers *numbers, float ret[NEURAL_MAX
     }
 }
 
-/* Adds the gradient of a read of a plane: rows `first` … of the gradient by the inputs. */
+/* Adds the gradient by the elements of a plane that a sample has read. The gradient by these inputs
+ * is in lesson->inputs, from row `first` on. */
 static void add_plane(const struct neural_lesson *lesson, int sample, int first, const float at[2],
                       float *gradient) {
     struct neural_taps taps;

@@ -3,7 +3,7 @@
 
 #include "neural.h"
 
-/* Samples that the network computes together. */
+/* number of samples that the network computes together */
 #define NEURAL_BATCH 64
 
 /* The bytes of a model as floats. Heights are in texels. During the training, these are the numbers
@@ -48,16 +48,16 @@ struct neural_ends {
     float x[NEURAL_RAYS], y[NEURAL_RAYS];
 };
 
-/* A sample as far as it does not depend on fitted numbers. */
+/* The properties of a sample that do not depend on fitted numbers. */
 struct neural_query {
     struct neural_ends ends;
     gboolean shared;                  /* whether the sample before has the same ends */
     float half[2], difference[2];     /* (g.x, g.y) and f of step 3 */
     float light[NEURAL_LIGHT_INPUTS]; /* shade, lit and clear of step 2: means over the rays */
 };
-/* Makes the queries of n ≤ NEURAL_BATCH samples, n > 0. The colour of a point has one ray, and the
- * material repeats. That of a texel has NEURAL_RAYS rays, and places are clamped to the edge. A
- * sample with the place and the view of the sample before shares its ends. */
+/* Makes the queries of n ≤ NEURAL_BATCH samples, n > 0. If points is TRUE, a colour has one ray,
+ * and the material repeats. Otherwise, a colour has NEURAL_RAYS rays, and places are clamped to the
+ * edge. If a sample has the place and the view of the sample before, both have the same ends. */
 void neural_make_queries(const struct neural_numbers *numbers, gboolean points,
                          const struct neural_sample *samples, int n, struct neural_query *ret);
 
@@ -79,8 +79,8 @@ void neural_run(const struct neural_numbers *numbers, int n, struct neural_batch
  * at the reference plane. */
 void neural_set_heights(struct neural *neural, const struct codec_geometry *geometry);
 
-/* Gradients of the loss by all numbers but the heights and the channels of the surface. The members
- * have the meaning of those of struct neural_numbers. */
+/* Gradients of the loss by all numbers except the heights and the channels of the surface. Each
+ * member is the gradient by the member of struct neural_numbers with the same name. */
 struct neural_gradient {
     float halves[NEURAL_PLANE_VALUES], differences[NEURAL_PLANE_VALUES];
     float weights[NEURAL_MAX_WEIGHTS], biases[NEURAL_ROWS];
@@ -96,20 +96,20 @@ struct neural_lesson {
     double loss; /* Σ over samples and colours of the squared difference after the curve */
 } __attribute__((aligned(64)));
 
-/* The weights with rows and columns exchanged in each layer, as neural_learn() needs them. */
+/* Gives the weights with rows and columns exchanged in each layer, as neural_learn() needs them. */
 void neural_transpose(const struct neural_numbers *numbers, float ret[NEURAL_MAX_WEIGHTS]);
 
-/* Computes loss and gradients of the lesson's samples for a given share of each in the loss. Adds
- * nothing to the gradient of the surface; the caller takes it from lesson->inputs with
- * neural_add_surface(). */
+/* Computes the loss and the gradients of the lesson's samples. share is the weight of each sample
+ * in the loss. The gradient of the surface is not computed here; the caller takes it from
+ * lesson->inputs with neural_add_surface(). */
 void neural_learn(const struct neural_numbers *numbers, const float *transposed, float share,
                   struct neural_lesson *lesson);
 /* Adds the gradient of a lesson by the channels of the surface: height × width × n_channels. */
 void neural_add_surface(const struct neural_numbers *numbers, const struct neural_lesson *lesson,
                         float *gradient);
 
-/* Layers of the lesson (neural_layers.c): from batch and lesson->targets to lesson->inputs, the
- * gradients by weights and biases, and the loss. */
+/* Computes the layers of the lesson (neural_layers.c). From batch and lesson->targets, it computes
+ * lesson->inputs, the gradients by weights and biases, and the loss. */
 void neural_run_back(const struct neural_numbers *numbers, const float *transposed, float share,
                      struct neural_batch *batch, struct neural_lesson *lesson);
 
@@ -142,7 +142,7 @@ struct neural_trainer {
     struct neural_gradient gradient;
     /* channels of the surface, halves, differences, weights, biases */
     struct neural_group groups[NEURAL_GROUPS];
-    struct neural_lesson *lessons; /* of a step */
+    struct neural_lesson *lessons; /* lessons of a step */
     struct neural_crew *crew;
     int step, steps; /* step: number of steps that are done; steps: number of all steps */
 };

@@ -1,6 +1,6 @@
-/* Where rays end on the height map, and what the map says of the light there: steps 1 to 3 of
- * neural.h. The rays of several samples are in the lanes of vectors. As in neural_layers.c, the
- * functions are compiled for processors with AVX2 and for others. */
+/* Finds where rays end on the height map, and the light at these ends: steps 1 to 3 of neural.h.
+ * The rays of several samples are in the lanes of vectors. As in neural_layers.c, the functions are
+ * compiled for processors with AVX2 and for others. */
 #include "neural_private.h"
 
 #include "codecs/lobes/lobes_lanes.h"
@@ -8,21 +8,21 @@
 #include <math.h>
 #include <string.h>
 
-#define SUBRAY         0.25F  /* of a texel, from the centre */
-#define MIN_UP         0.05F  /* least v.z and least r of a reach */
-#define MIN_FLAT       1e-4F  /* least |(l.x, l.y)| */
+#define SUBRAY         0.25F  /* distance of a ray from the texel's centre in x and y, in texels */
+#define MIN_UP         0.05F  /* minimum of v.z, and minimum of r in reach */
+#define MIN_FLAT       1e-4F  /* minimum of |(l.x, l.y)| */
 #define SLOPE_END      0.375F /* half the length over which a slope is taken, in texels */
 #define FIRST          0.375F /* first distance of the scan of the horizon, in texels */
-#define STEP           0.25F  /* half a cell */
-#define SIDE_BY_SIDE   4      /* vectors of rays */
-#define KEYS           64     /* of the lengths of loops */
-#define KEYS_PER_TEXEL 2      /* of a horizontal length */
+#define STEP           0.25F  /* minimum step of the scan, in texels: half a cell */
+#define SIDE_BY_SIDE   4      /* number of vectors of rays that are halved together */
+#define KEYS           64     /* number of keys by which samples are sorted (make_queries()) */
+#define KEYS_PER_TEXEL 2      /* number of keys for each texel of horizontal length */
 
 G_STATIC_ASSERT(LANES % NEURAL_RAYS == 0);
 
-/* Converts coordinates of cells to the first of two cells and the share of the second one. The
- * cells are clamped to the edge or, if `repeats`, repeat. Cell n is then cell 0 (neural_private.h).
- */
+/* Returns the first of the two cells around each coordinate. *ret_share is the share of the second
+ * one. If `repeats` is TRUE, the cells repeat, and cell n is a copy of cell 0 (neural_private.h).
+ * Otherwise they are clamped to the edge. */
 LANES_INLINE lane_bits find_cells(lanes at, int n, gboolean repeats, lanes *ret_share) {
     if (repeats) {
         const lanes tiles =
@@ -44,7 +44,8 @@ LANES_INLINE lane_bits find_cells(lanes at, int n, gboolean repeats, lanes *ret_
 typedef float quad __attribute__((vector_size(16)));
 typedef double double_pair __attribute__((vector_size(16)));
 
-/* The four cells around a place: z[0], z[1] and those below them. Two loads of two numbers each. */
+/* Returns the four cells around a place: z[0], z[1] and the two cells below them. Uses two loads of
+ * two numbers each. */
 LANES_INLINE quad load_cells(const float *z, gsize columns) {
     double_pair pairs;
     memcpy(&pairs, z, sizeof pairs / 2);
@@ -72,7 +73,7 @@ LANES_INLINE void gather(const float *z, gsize columns, lane_bits at, lanes ret[
     }
 }
 
-/* H(x, y): the heights at places in texels. The map has at least 2 × 2 cells. */
+/* Returns the heights H(x, y) at places in texels. The map has at least 2 × 2 cells. */
 LANES_INLINE lanes heights_at(const struct neural_numbers *numbers, gboolean repeats, lanes x,
                               lanes y) {
     const int columns = 2 * numbers->width, rows = 2 * numbers->height, stride = columns + 1;
@@ -133,8 +134,8 @@ LANES_INLINE void halve(const struct neural_numbers *numbers, gboolean points, i
         }
 }
 
-/* Returns h of step 2: the slopes of the horizon at (x, y) towards (dx, dy), at least r − 1. All
- * lanes have the same t, and a lane that has ended keeps its h. */
+/* Returns h of step 2, the slopes of the horizon at (x, y) towards (dx, dy), at least r − 1. All
+ * lanes have the same t. A lane whose scan has ended keeps its h. */
 LANES_INLINE lanes find_horizons(const struct neural_numbers *numbers, gboolean points, lanes x,
                                  lanes y, lanes dx, lanes dy, lanes r) {
     const lanes z = heights_at(numbers, points, x, y), room = numbers->top - z;
@@ -153,7 +154,7 @@ LANES_INLINE lanes find_horizons(const struct neural_numbers *numbers, gboolean 
     return h;
 }
 
-/* N · l, where N is the normal of the map at (x, y). */
+/* Returns N · l, where N is the normal of the map at (x, y). */
 LANES_INLINE lanes find_cosines(const struct neural_numbers *numbers, gboolean points, lanes x,
                                 lanes y, const lanes light[3]) {
     const float e = SLOPE_END;
@@ -172,7 +173,7 @@ LANES_INLINE lanes load(const float from[LANES]) {
     return ret;
 }
 
-/* Sets the rays of LANES / rays samples, as far as a march does not change them. */
+/* Sets the rays of LANES / rays samples, except the members that march() sets. */
 LANES_INLINE void set_rays(const struct neural_numbers *numbers, gboolean points,
                            const struct neural_sample *samples, const int *which,
                            struct rays *ret) {
@@ -225,7 +226,8 @@ LANES_INLINE void find_ends_of(const struct neural_numbers *numbers, gboolean po
     }
 }
 
-/* Finds shade, lit and clear of LANES / rays samples, whose ends are in their queries. */
+/* Finds shade, lit and clear of LANES / rays samples. The ends of the rays are in the queries of
+ * these samples. */
 LANES_INLINE void find_light_of(const struct neural_numbers *numbers, gboolean points,
                                 const struct neural_sample *samples, const int *which,
                                 struct neural_query *ret) {
@@ -265,7 +267,7 @@ LANES_INLINE void find_light_of(const struct neural_numbers *numbers, gboolean p
         }
 }
 
-/* (g.x, g.y) and f of step 3. */
+/* Gives (g.x, g.y) and f of step 3. */
 static void find_directions(const float view[3], const float light[3], float ret_half[2],
                             float ret_difference[2]) {
     float half[3] = {view[0] + light[0], view[1] + light[1], view[2] + light[2]};
@@ -280,7 +282,8 @@ static void find_directions(const float view[3], const float light[3], float ret
     }
 }
 
-/* Sorts n samples by keys below KEYS. The last vector repeats a sample. */
+/* Sorts n samples by their keys, which are below KEYS. The last sample follows LANES more times, to
+ * fill the last vector. */
 LANES_INLINE void sort(const guint8 *keys, const int *which, int n, int *ret) {
     int ends[KEYS + 1] = {0};
     for (int i = 0; i < n; i++)
@@ -293,13 +296,15 @@ LANES_INLINE void sort(const guint8 *keys, const int *which, int n, int *ret) {
         ret[n + i] = ret[n - 1];
 }
 
-/* points is a constant. Samples whose loops are about as long share a vector. */
+/* points is a compile-time constant. Samples are sorted so that the samples in a vector have loops
+ * of about the same length. */
 LANES_INLINE void make_queries(const struct neural_numbers *numbers, gboolean points,
                                const struct neural_sample *samples, int n,
                                struct neural_query *ret) {
     const int per = LANES / (points ? 1 : NEURAL_RAYS);
     const float deep = (numbers->top - numbers->bottom) * KEYS_PER_TEXEL;
-    int own[NEURAL_BATCH], all[NEURAL_BATCH], n_own = 0; /* samples with rays of their own */
+    /* own: samples whose rays are not shared */
+    int own[NEURAL_BATCH], all[NEURAL_BATCH], n_own = 0;
     int sorted[NEURAL_BATCH + LANES];
     guint8 slants[NEURAL_BATCH], reaches[NEURAL_BATCH];
     for (int s = 0; s < n; s++) {

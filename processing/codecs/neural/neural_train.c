@@ -10,23 +10,23 @@
 
 #define COLOURS    3
 #define BATCHES    (NEURAL_STEP / NEURAL_BATCH)
-#define TRIES      16 /* draws of a sample, until its value is not NaN */
+#define TRIES      16 /* maximum number of draws of a sample, until its value is not NaN */
 #define ADAM_BLOCK 8192
 
 #define DEFAULT_CHANNELS  12
 #define DEFAULT_PER_TEXEL 3000.0
 #define MOST_PER_TEXEL    1e6
 
-/* Adam, and how the learning rate changes. */
-#define RATE    0.02F /* of channels and planes; half for the network */
+/* Constants of Adam, and of the learning rate. */
+#define RATE    0.02F /* rate of channels and planes; the network has half of it */
 #define WARM_UP 50
 #define FALL    0.02 /* the last rate as a share of the first */
 #define BETA_1  0.9F
 #define BETA_2  0.99F
 #define EPSILON 1e-12F
 
-/* A random number for each sample of each step, so that the threads can draw in any order
- * (SplitMix64). */
+/* Returns a random number for a counter (SplitMix64). Each sample of each step has its own counter,
+ * so that the threads can draw in any order. */
 static guint64 mix(guint64 x) {
     x += 0x9e3779b97f4a7c15U;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;
@@ -50,8 +50,8 @@ static void fill(float *values, gsize n, double deviation, guint64 seed) {
         values[i] = (float)(deviation * normal(mix(seed) + i));
 }
 
-/* Sets the first numbers. The deviation of a weight is √(2 / inputs), and a tenth in the last
- * layer, which begins at a medium grey. */
+/* Sets the initial numbers. The standard deviation of a weight is √(2 / inputs), and a tenth of
+ * this in the last layer. The biases of the last layer begin at a medium grey. */
 static void begin_numbers(struct neural_numbers *numbers, guint32 seed) {
     const gsize n_inputs = (gsize)neural_inputs(numbers->n_channels);
     const guint64 first = (guint64)seed << 8;
@@ -123,7 +123,7 @@ static void sum_gradients(struct neural_trainer *trainer) {
     }
 }
 
-/* A step of Adam for a block of the numbers of all groups. Gradients become 0. */
+/* Makes a step of Adam for a block of the numbers of all groups. Gradients become 0. */
 static void adam_block(int block, gpointer data) {
     const struct neural_trainer *trainer = data;
     const int k = trainer->step;
@@ -203,7 +203,7 @@ static void resume(struct neural_trainer *trainer) {
     take(checkpoint, "training", "step", &trainer->step, sizeof trainer->step);
     if (all || trainer->step == 0)
         return;
-    /* A checkpoint that lacks an array is of no use. */
+    /* A checkpoint that lacks an array cannot be used. */
     trainer->step = 0;
     begin_numbers(trainer->numbers, options->seed);
     for (int g = 0; g < NEURAL_GROUPS; g++) {
@@ -291,8 +291,8 @@ static void reconstruct(gconstpointer model, int texel, float *ret) {
     neural_reconstruct(model, texel, ret);
 }
 
-/* Computes the errors of the fitted numbers and of the rounded ones. neural->numbers are the fitted
- * ones before, and the rounded ones afterwards. */
+/* Computes the errors of the fitted numbers and of the rounded numbers. Before the call,
+ * neural->numbers are the fitted numbers. Afterwards, they are the rounded numbers. */
 static gboolean find_errors(struct neural *neural, const struct btf_matrix *btf,
                             const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
