@@ -38,7 +38,8 @@ struct export_surface_result {
  * part "normals" with "X", "Y", "Z", which are all 0 in a hole. Both maps have the attributes
  * mesorig.kind, texel_mm, reference_mm, holes and stacked. If more than a twentieth of the texels
  * with a value have several layers (structure below structure), the structure is not a height
- * field. Maps are then refused unless options->layered is set. A map without values is an error. */
+ * field. Maps are then refused unless options->layered is set. A map without values is an error.
+ * The progress stage is "points". */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,
                         struct export_surface_result *ret, GError **error);

@@ -78,7 +78,8 @@ struct import_result {
 };
 
 /* Imports a material. path must not exist. It is an error if more than half of the pixels of a
- * picture are holes; masked pixels do not count. */
+ * picture are holes; masked pixels do not count. The progress stages are "import" and
+ * "eigenmaps". */
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error);
 

@@ -128,7 +128,7 @@ static void make_dielectric(struct maps_parameters *x) {
     x->x[MAPS_REFINE_METALLIC] = 0;
 }
 
-/* The parameters that move in the refinement of a texel, as bits. */
+/* Returns the parameters that move in the refinement of a texel, as bits. */
 static guint moving(const struct maps_fit_run *run, gboolean metal) {
     const guint shape = (1U << (MAPS_SHAPE - 1)) - 1, base = 7U << MAPS_REFINE_BASE;
     if (run->pairs->model == MAPS_MODEL_CORE)

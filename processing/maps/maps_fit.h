@@ -52,7 +52,7 @@ struct maps_fit {
  * than a twentieth, and by more than 0.0003 per texel on average. The cost of a texel is relative
  * to Σ u_i² Y_i². The error is in DATA_ERROR if all values of the BTF are 0 or missing, or if there
  * is not enough memory. It is also in DATA_ERROR if there is no pair of a view and a light that are
- * both at least 1.2° above the plane of the sample. Fails also if the scratch file of the BTF
+ * both at least 1.15° above the plane of the sample. Fails also if the scratch file of the BTF
  * cannot be read, or if cancelled. The progress stages are "layers", only if layers is NULL and the
  * model is MAPS_MODEL_FULL, "fit" and "refine". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,

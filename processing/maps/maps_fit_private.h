@@ -36,8 +36,9 @@ struct maps_pairs {
     enum maps_model model;
 };
 
-/* Returns the pairs of a view and a light that are both at least 1.2° above the plane of the
- * sample. If the BTF has more than MAPS_MAX_PAIRS pairs, takes only every second, third, … pair. */
+/* Returns the pairs of a view and a light that are both at least 1.15° (z = 0.02) above the plane
+ * of the sample. If the BTF has more than MAPS_MAX_PAIRS pairs, takes only every second, third, …
+ * pair. */
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
 /* Computes the plane E (MAPS_EXTRA) for the layers, with the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);

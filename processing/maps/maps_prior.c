@@ -17,8 +17,8 @@ static float luminance(const float *rgb) {
     return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2];
 }
 
-/* The features of a texel: the share of the diffuse part, the width of the lobe, and the root of
- * the lobe's reflectance. */
+/* Gives the features of a texel: the share of the diffuse part, the width of the lobe, and the
+ * square root of the lobe's reflectance. */
 static void features(const struct maps_parameters *of, float ret[FEATURES]) {
     const float m = of->x[MAPS_REFINE_METALLIC], base = luminance(of->x + MAPS_REFINE_BASE);
     const float f = of->x[WEIGHT] * luminance(of->x + MAPS_REFINE_F0);

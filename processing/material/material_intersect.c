@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_SLOPE 0.01 /* smallest z of a view by which is divided, as in shell_ray.c */
+#define MIN_SLOPE 0.01 /* lower bound of z of a view in divisions, as in shell_ray.c */
 
 static void hit(const mesorig_material *m, const float *uv, struct vec3 v,
                 struct mesorig_hit *ret) {

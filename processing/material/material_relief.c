@@ -9,7 +9,7 @@
 /* largest difference, in texels, of the depths of interpolation and shell at which the shell
  * confirms the interpolated depth */
 #define AGREEMENT  0.25
-#define MIN_SLOPE  0.01 /* smallest z of a view by which is divided, as in shell_ray.c */
+#define MIN_SLOPE  0.01 /* lower bound of z of a view in divisions, as in shell_ray.c */
 #define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
 
 struct material_relief {

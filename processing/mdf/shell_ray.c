@@ -7,7 +7,7 @@
 #define MAX_STEPS 4000
 #define MIN_GROWN 0.25 /* limits of the change of a tile's size along a ray */
 #define MAX_GROWN 4.0
-#define MIN_SLOPE 0.01 /* smallest component of a ray along the normal by which is divided */
+#define MIN_SLOPE 0.01 /* lower bound, in divisions, of the component of a ray along the normal */
 
 /* The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
  * the foot, which is the nearest point of the mesh. */

@@ -30,10 +30,10 @@ PartialForecast *partial_forecast_ref(PartialForecast *forecast);
 void partial_forecast_unref(PartialForecast *forecast); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(PartialForecast, partial_forecast_unref)
 
-/* Number of measured pairs of the sample. */
+/* Returns the number of measured pairs of the sample. */
 int partial_forecast_n_measured(const PartialForecast *forecast);
-/* The expected relative errors of the whole BTF (nearest_prediction_error()), and of a pair
- * relative to its own values (nearest_prediction_pair_error()). */
+/* Return the expected relative error of the whole BTF (nearest_prediction_error()), and the
+ * expected error of a pair relative to its own values (nearest_prediction_pair_error()). */
 double partial_forecast_error(const PartialForecast *forecast);
 double partial_forecast_pair_error(const PartialForecast *forecast, int pair);
 /* Gives the range of the error of the whole BTF (nearest_prediction_error_range()). */

@@ -77,7 +77,7 @@ void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int 
 /* Computes g of all pairs at a position: n_pairs × 3. */
 void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret);
 
-/* The two parts of g: that of a diffuser, and the sum of the lobes. */
+/* Compute the two parts of g: the part of a diffuser, and the sum of the lobes. */
 void prediction_mean_diffuse(const double *parameters, double cos_v, double cos_l, double ret[3]);
 double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec3 l);
 /* minimum of ρ and of g; darker values count as this value */

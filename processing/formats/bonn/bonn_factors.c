@@ -88,7 +88,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    /* The file does not say what rows and columns stand for. It follows from their numbers. */
+    /* The file does not say what rows and columns stand for. Their numbers tell. */
     ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
     if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
