@@ -19,8 +19,9 @@ struct near_field {
     struct direction_list views, lights; /* nominal directions */
     /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
      * because lamps move in this frame with the turntable. If the turntable turned during a view's
-     * pictures, the position of the camera is the mean over these pictures. Each is NULL if the
-     * files lack these positions; all texels then have the nominal directions. */
+     * pictures, the position of the camera is the mean over these pictures. camera_mm is NULL if
+     * the files lack the positions of cameras; all texels are then seen from the nominal
+     * directions. lamp_mm is the same for lamps. */
     struct vec3 *camera_mm, *lamp_mm;
     /* Unit vectors of the lamps' aims in the sample frame, and exponents n of their fall-off cos^n
      * away from the aim; as many as lamp_mm, and NULL if lamp_mm is. An exponent is 0 if the file

@@ -98,9 +98,9 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
 
 /* Gives the weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within
  * the middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at
- * each border the parabola is the mean of the two pixels that meet there. This is the derivative of
- * Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 +
- * ½, w₀ = (3 − 3t)t + ½, w₊₁ = (3t − 2)t/2. */
+ * each border the parabola is the mean of the two pixels that meet there. The parabola is the
+ * derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ =
+ * (3t − 4)t/2 + ½, w₀ = (3 − 3t)t + ½, w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);

@@ -5,7 +5,8 @@
 
 /* Computes heights z of a grid of texels from the slopes p = ∂z/∂x and q = ∂z/∂y (dimensionless; x
  * to the right, y up, row 0 at the top). Unknown slopes are NaN. step is the width of a texel.
- * ret_z (height × width) has the unit of step, and mean 0. It is NaN where a slope is NaN. */
+ * ret_z (height × width) has the unit of step and the mean 0. Where a slope is NaN, ret_z is
+ * NaN. */
 void integrate_normals(const float *p, const float *q, int width, int height, double step,
                        float *ret_z);
 

@@ -43,11 +43,12 @@ struct mesorig_error {
 typedef struct mesorig_material mesorig_material;
 
 /* Opens a material in any form: a file that “mesorig compress” or “mesorig process” wrote, a
- * session directory, or its products/btf. mdf is a file of its distances (MDF). If mdf is NULL and
- * path is a session directory with an MDF, this MDF is used; otherwise the material has no relief.
- * Of a session's products, the BTF itself is used if it exists, otherwise the compressed BTF with
- * the smallest error. All values of a BTF are held in memory, four bytes each. On failure, returns
- * NULL and fills ret_error, which may be NULL. */
+ * session directory, or its products/btf. mdf is a file of the material's distances (MDF). If mdf
+ * is NULL and path is a session directory or its products/btf, the MDF of the session is used if
+ * there is one. Otherwise, if mdf is NULL, the material has no relief. Of a session's products, the
+ * BTF itself is used if it exists, otherwise the compressed BTF with the smallest error. All values
+ * of a BTF are held in memory, four bytes each. On failure, returns NULL and fills ret_error, which
+ * may be NULL. */
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
@@ -90,7 +91,7 @@ int mesorig_material_directions(const mesorig_material *material, float *ret_vie
  * If the file has mip levels, the two nearest levels are mixed instead. Between measured
  * directions, values are interpolated (bilinear in θ and φ, or in a triangle). For lights below the
  * lowest measured one, values fall in proportion to cos θ. Models with a formula evaluate it. The
- * result is 0 if a view or light is below the horizon, or if an argument is not finite. */
+ * result is 0 if a view or light is on or below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
                               const float *view, const float *light, const float *footprint,
                               float *ret_rgb);

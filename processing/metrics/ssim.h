@@ -13,6 +13,6 @@
 #define SSIM_WINDOW 11 /* side of the window in pixels */
 
 /* Returns the mean SSIM over R, G and B and over all windows that lie within the picture (eq. 17).
- * The result is at most 1, which means that the pictures are equal. It is NaN if the width or the
- * height is less than SSIM_WINDOW. */
+ * The result is at most 1; the value 1 means that the pictures are equal. The result is NaN if the
+ * width or the height is less than SSIM_WINDOW. */
 double ssim(const float *reference, const float *test, int width, int height);

@@ -53,8 +53,8 @@ void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at
  * contribute no variance. Returns 1 if nothing is measured. */
 double nearest_prediction_error(const NearestPrediction *prediction);
 
-/* Gives the range that the true error is expected in, with a probability of 90 %. It is wide if few
- * pairs, such as those of a sharp highlight, have most of the error. */
+/* Gives the range that the true error is expected in, with a probability of 90 %. The range is wide
+ * if few pairs, such as those of a sharp highlight, have most of the error. */
 void nearest_prediction_error_range(const NearestPrediction *prediction, double ret[2]);
 
 /* Returns the expected error of one pair, relative to its own values: √(Σ σ² / Σ ρ²) over probes.

@@ -20,10 +20,10 @@ struct made_with {
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error);
 void made_with_clear(struct made_with *with);
 
-/* made_with_begin() records the calibration with which products are made from now on. It sets mixed
- * if the session has products of another calibration. It is called before the first product is
- * replaced. made_with_end() clears mixed, and is called after the last product is replaced. The
- * caller holds SESSION_PROCESS_LOCK. text is NULL for the session's own calibration; where is
- * ignored if text is NULL or equal to the session's own. */
+/* made_with_begin() records the calibration with which products are made from now on, and sets
+ * mixed if the session has products of another calibration. Call made_with_begin() before the first
+ * product is replaced. made_with_end() clears mixed. Call made_with_end() after the last product is
+ * replaced. The caller holds SESSION_PROCESS_LOCK. text is NULL for the session's own calibration;
+ * where is ignored if text is NULL or equal to the session's own. */
 gboolean made_with_begin(Session *session, const char *where, const char *text, GError **error);
 gboolean made_with_end(Session *session, GError **error);

@@ -46,9 +46,9 @@ struct index_map *synthesis_of_features(const struct texel_features *features,
 
 /* Synthesises a map from the BTF of a session, and from its MDF if it has one. memory is as in
  * btf_matrix_read_within(). The error is DATA_ERROR_INVALID if the sample is too small or too
- * large, or if a size or the block is out of range; it names the option. Other errors are those of
- * the functions that read the BTF and the MDF. The progress stages are "read", "components" and
- * those of synthesis_of_features(). */
+ * large, or if a size or the block is out of range; the message names the option. Other errors are
+ * those of the functions that read the BTF and the MDF. The progress stages are "read",
+ * "components" and those of synthesis_of_features(). */
 struct index_map *synthesis_of_session(const char *path, gint64 memory,
                                        const struct synthesis_options *options,
                                        const struct work *work, struct synthesis_result *ret,

@@ -53,8 +53,8 @@
  *    is its bias plus Σ weight · input, and after the first two layers y becomes max(y, 0.01 y).
  * 5. Colour. With S(y) = log(1 + exp(4 y)) / 4, o_0 … o_5 the outputs, and c = 0, 1, 2 for R, G, B:
  *      B(c) = S(o_c) · shade + 0.3 · S(o_{3+c} − 1)
- *    where shade is the input of the network, the mean over the rays. It contains n·l, as all
- *    values of a BTF do, and is never negative.
+ *    where shade is the input of the network, the mean over the rays. B contains n·l, as all values
+ *    of a BTF do, and is never negative.
  * Points. The formulas above give the colours of texels, to which the model is fitted. A renderer
  * evaluates points instead. The colour of a point (x, y) follows from the same formulas with one
  * ray, which meets the reference plane at (x, y). A pixel that is smaller than a texel gets the
@@ -210,8 +210,8 @@ struct neural_options {
  * The training minimises the squared difference of colours after the curve log(1 + 60 x) / log 61.
  * The method is Adam (Kingma & Ba 2015; β 0.9 and 0.99). Each step has NEURAL_STEP samples, which
  * are drawn at random. The learning rate is 0.02 for channels and planes and 0.01 for the network.
- * It rises during 50 steps and falls to a fiftieth. There are at least NEURAL_MIN_STEPS steps. Then
- * all numbers are rounded to bytes.
+ * Both rates rise during the first 50 steps, and then fall to a fiftieth. There are at least
+ * NEURAL_MIN_STEPS steps. Then all numbers are rounded to bytes.
  *
  * The result does not depend on the number of threads. It depends on the seed, and in the last
  * digits on the kind of processor. The progress stages are "train" and "errors". Fails if an option

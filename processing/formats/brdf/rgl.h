@@ -52,16 +52,16 @@ struct rgl_result {
 };
 
 /* Writes f_r as a .bsdf file, with rgb and, unless rgb_only is TRUE, with spectra at six
- * wavelengths that have the same colours. D is found from the retro-reflection by power
- * iteration (Dupuy et al. 2015; Dupuy & Jakob 2018). With the luminance f of f_r,
+ * wavelengths that have the same colours. D is found from the retro-reflection by power iteration
+ * (Dupuy et al. 2015; Dupuy & Jakob 2018). With the luminance f of f_r,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1.
  * D is kept above 0.3/π. (For comparison, a uniform hemisphere has D = 1/π.) σ(ω) = ∫ ⟨ω, m⟩ D(m)
  * dm. vndf is the mean of a constant and of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du. Neither the minimum of
  * D nor the constant changes f_r at the nodes of the file. Between the nodes, the product of D and
  * of rgb, which contains 1/D, is wrong where D changes much within a cell. The minimum and the
- * constant reduce this error. It is 0.4 % (isotropic) and 0.8 % (anisotropic) of f_r cos θ_o (RMS)
- * for rough metals on a diffuse base. The table luminance is meant for importance sampling. A node
- * of rgb is 0 if its ω_o is below the surface. The progress stage is "export". */
+ * constant reduce this error. The remaining error is 0.4 % (isotropic) and 0.8 % (anisotropic) of
+ * f_r cos θ_o (RMS) for rough metals on a diffuse base. The table luminance is meant for importance
+ * sampling. A node of rgb is 0 if its ω_o is below the surface. The progress stage is "export". */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,
                    struct rgl_result *ret, GError **error);
