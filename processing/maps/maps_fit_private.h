@@ -161,7 +161,8 @@ void maps_clusters_set_metals(const struct maps_clusters *clusters, int n,
                               struct maps_parameters *texels);
 
 /* Gives the prior of a texel. Its mean is the mean of the texels around it, weighted by their
- * distance and by the difference of their features, and of the median of its cluster. Normal and
+ * distance and by the difference of their features, and of the median of its cluster. If the texel
+ * is a metal, only metals around it count; otherwise, only texels that are not metals. Normal and
  * base colour have no prior. */
 struct maps_refine_prior maps_clusters_prior(const struct maps_clusters *clusters,
                                              const struct maps_parameters *texels, int width,

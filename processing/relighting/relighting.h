@@ -78,7 +78,8 @@ struct relighting_model {
 
 /* Returns a name such as "ptm", "hsh9" or "rbf27"; g_free(). */
 char *relighting_model_name(const struct relighting_model *model);
-/* Returns how many numbers of a texel a file stores: three for each term, or the planes. */
+/* Returns how many numbers of a texel a file stores: three for each term of PTM and HSH; the number
+ * of planes for RBF and kriging, or three for each light if planes is 0. */
 int relighting_model_numbers(const struct relighting_model *model, int n_lights);
 
 /* Predicts P of each light from all other lights. ret_pictures is n_lights × height × width × 3, at

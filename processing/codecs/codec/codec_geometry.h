@@ -25,7 +25,7 @@ struct codec_geometry {
 
 /* Reads the geometry of the session btf->directory, from the headers of products/btf and from
  * products/mdf.exr. A BTF without a directory has no positions and no points. Fails as
- * near_field_read() and mdf_table_read() do. */
+ * near_field_read(), session_check_product() and mdf_table_read() do. */
 struct codec_geometry *codec_geometry_read(const struct btf_matrix *btf, GError **error);
 /* Gives the unit vector from the centre of a texel to the position positions_mm[index]. If
  * positions_mm is NULL, gives the direction with this index in list. */
