@@ -344,7 +344,7 @@ struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_
     gboolean ok = pairs->n > 0;
     if (!ok)
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
-                       "there is no pair of a view and a light that are both at least 1.2° above "
+                       "there is no pair of a view and a light that are both at least 1.15° above "
                        "the plane of the sample; capture or import other directions");
     fit->texels = ok ? g_try_new0(struct maps_texel, n) : NULL;
     if (ok && !fit->texels) {

@@ -208,7 +208,10 @@ void session_suspicions(Session *session, GPtrArray *ret) {
 }
 
 gboolean session_suspect(Session *session, const char *sentence, GError **error) {
-    g_autofree char *before = session_value(session, "suspicions");
+    g_autoptr(GHashTable) values = session_values(session, "suspicions", error);
+    if (!values)
+        return FALSE;
+    const char *before = g_hash_table_lookup(values, "suspicions");
     g_auto(GStrv) lines = before ? g_strsplit(before, "\n", -1) : NULL;
     if (lines && g_strv_contains((const char *const *)lines, sentence))
         return TRUE;
