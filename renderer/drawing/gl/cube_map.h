@@ -4,8 +4,8 @@
 #include "base/vec.h"
 #include <glib.h>
 
-/* Computes the colour (R, G, B, A, each from 0 to 1) of the texel in a direction. data is that of
- * cube_map_new(). */
+/* Computes the colour (R, G, B, A, each from 0 to 1) of the texel in a direction. data is the
+ * pointer that was given to cube_map_new(). */
 typedef void (*CubeMapFill)(struct vec3 direction, gpointer data, float ret[4]);
 
 /* Returns a new cube map texture with faces of size × size texels and 16 bits per channel. It is

@@ -16,7 +16,7 @@ void direction_textures_clear(struct direction_textures *textures);
 
 gint64 direction_textures_bytes(const struct direction_textures *textures);
 
-/* Binds the textures to units unit and unit + 1 of the current program, as NAME_indices and
- * NAME_weights. */
+/* Binds the textures to the texture units `unit` and `unit + 1`, and makes them the samplers
+ * NAME_indices and NAME_weights of the current program. */
 void direction_textures_bind(const struct direction_textures *textures, guint program,
                              const char *name, int unit);

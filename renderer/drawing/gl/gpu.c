@@ -165,8 +165,8 @@ static const char *find_shader(const char *name) {
     g_error("no shader “%s” was compiled in", name);
 }
 
-/* Compiles shaders as one text. #line makes the compiler's log count the lines of each file, behind
- * the number of the file, as in "3:12". */
+/* Compiles shaders as one text. By #line, the compiler's log has the number of the file and the
+ * line in this file, such as "3:12". */
 static guint gpu_compile(GLenum kind, const char *version, const char *constants,
                          const char *const *names, int n, GError **error) {
     const char *sources[2 + 2 * MAX_SHADERS] = {version, constants};

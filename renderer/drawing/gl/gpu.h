@@ -9,7 +9,7 @@
 #define GPU_ERROR gpu_error_quark()
 GQuark gpu_error_quark(void);
 enum gpu_error {
-    GPU_ERROR_NONE,      /* OpenGL 3.3 (for lists of faces, 4.3) or a window is not available */
+    GPU_ERROR_NONE,      /* no window, or not OpenGL 3.3; lists of faces need OpenGL 4.3 */
     GPU_ERROR_TOO_LARGE, /* the card cannot hold the data, or a limit of the program is exceeded */
     GPU_ERROR_PROGRAM,   /* the driver refused a shader */
     GPU_ERROR_FAILED,    /* OpenGL reported an error, or a file or an option cannot be used */
@@ -17,9 +17,9 @@ enum gpu_error {
 
 typedef struct Gpu Gpu;
 
-/* Returns whether the OpenGL library is installed. If window is TRUE, only libGL.so.1 counts, which
- * libepoxy needs for a window. Without the library, libepoxy would end the program at the first
- * call. */
+/* Returns whether the OpenGL library is installed. If window is TRUE, looks only for libGL.so.1,
+ * which libepoxy needs for a window. Without the library, libepoxy would end the process at the
+ * first call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
 /* Makes an OpenGL context through EGL (Mesa, or the EGL platform of a graphics card), without a
@@ -41,9 +41,10 @@ const char *gpu_renderer(void); /* name of the renderer of the current context, 
 gboolean gpu_check(const char *what, GError **error);
 
 /* Compiles and links a program. Delete it with glDeleteProgram(). names is a NULL-terminated list
- * of embedded shaders. The first is the vertex shader. The others, at most 14, are joined to one
- * fragment shader. constants has lines “#define NAME value”, which are put before the shaders, or
- * is "". Returns 0 with GPU_ERROR_PROGRAM on error. A name without a shader ends the program. */
+ * of embedded shaders. The first is the vertex shader. The other shaders, at most 14, are joined to
+ * one fragment shader. constants has lines “#define NAME value”, which are put before the shaders,
+ * or is "". Returns 0 with GPU_ERROR_PROGRAM on error. A name that is not that of an embedded
+ * shader aborts the process. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
 /* Does the same as gpu_program() in the shading language of OpenGL 4.3. Requires gpu_has_43(). */

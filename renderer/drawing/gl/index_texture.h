@@ -1,12 +1,12 @@
 /*
  * An index map (synthesis/index_map.h) on the graphics card, read by places.glsl. Through the map,
- * a point of the surface has up to four places in the sample. At each of them the material is
- * evaluated and its MDF is read as if the sample were repeated there.
+ * a point of the surface has up to four places in the sample. At each place, the material is
+ * evaluated and its MDF is read as if the sample were repeated.
  *
  * Texture lookups use the derivatives of the point on the surface, so that the mip levels of the
  * sample fit. A texel of the map whose neighbours are also neighbours in the sample is filtered by
  * the sample's filter. Other texels are interpolated one by one. Where the surface is drawn small,
- * the mip levels of the map are read. One texel of such a level stands for a block of texels of the
+ * mip levels of the map are read. One texel of such a level stands for a block of texels of the
  * map.
  */
 #pragma once

@@ -18,6 +18,6 @@ enum places_kind places_kind_of(const struct places_source *source);
  * filtered. Free the result with g_free(). */
 char *places_constants(const struct places_source *source, gboolean nearest);
 
-/* Sets the texture and uniforms of the current program. tiles is the number of tiles of the shape
- * in each direction. */
+/* Sets the texture and the uniforms of places.glsl in the current program. tiles is the number of
+ * tiles of the shape in each direction. */
 void places_bind(const struct places_source *source, const float tiles[2], guint program);

@@ -9,8 +9,8 @@
 
 struct ring_slices {
     int n_rings, n_slices;
-    /* θ in rad, centre of the first slice in slices, number of directions, φ of the first direction
-     * in turns */
+    /* For each ring: [0] is θ in rad. [1] is the centre of the first slice, counted in slices. [2]
+     * is the number of directions. [3] is φ of the first direction in turns. */
     float rings[RING_SLICES_MAX][4];
 };
 

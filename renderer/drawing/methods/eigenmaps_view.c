@@ -83,8 +83,9 @@ static void refine(const float *from, int n, gsize step, float *to, gsize to_ste
 }
 
 /* Clamps the texels of a layer to the range of half floats, stores their mean, and uploads the
- * layer. If the view is refined, also uploads a level with twice the resolution of the material. It
- * makes bilinear filtering about as sharp as bicubic filtering, without more fetches. */
+ * layer. If the view is refined, also uploads a level with twice the resolution of the material.
+ * With this level, bilinear filtering is about as sharp as bicubic filtering, without more
+ * fetches. */
 static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, int layer,
                       float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;

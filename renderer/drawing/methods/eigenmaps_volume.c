@@ -125,7 +125,7 @@ static gpointer open_file(const char *path, GError **error) {
 
 static char *constants(gconstpointer material, const struct method_style *style) {
     (void)material;
-    /* One level: the mean of the sample, which endless materials use, is not available. */
+    /* With one level, the mean of the sample, which endless materials use, is not available. */
     return g_strdup_printf("#define N_LEVELS 1\n#define NEAREST %d\n", style->nearest);
 }
 

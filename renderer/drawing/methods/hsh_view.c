@@ -24,8 +24,9 @@ static void sky(gconstpointer model, gsize view, float *ret_layer) {
     }
 }
 
-/* Sets the layers of a view: one per colour for every four terms, then, if one term is left, a
- * layer with its R, G, B. The index of a value of a texel is term × COLOURS + colour. */
+/* Sets the layers of a view. For every four terms there is one layer per colour. If one term is
+ * left, a last layer has the R, G, B of this term. The index of a value of a texel is term ×
+ * COLOURS + colour. */
 static void set_pages(struct slices *slices, int n_terms) {
     const int whole = n_terms / PAGE;
     slices->n_pages = COLOURS * whole + n_terms % PAGE;

@@ -18,9 +18,9 @@ struct LobesView {
     int n_lobes;
 };
 
-/* Sets which values of a texel (lobes.h) each page contains. The first page has the colour, for
- * lafortune with the diffuse part, and each further page has the next four values. For ward and
- * ashikhmin, U and V are the fourth values of the first two pages, which have the two colours. */
+/* Sets which values of a texel (lobes.h) each page contains. The first page has the colour, and for
+ * lafortune also the diffuse part. Each further page has the next four values. For ward and
+ * ashikhmin, the first two pages have the two colours, with U and V as their fourth values. */
 static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobes) {
     static const int facets[4][PAGE] = {
         {0, 1, 2, 12}, {3, 4, 5, 13}, {6, 7, 8, -1}, {9, 10, 11, -1}};

@@ -6,18 +6,19 @@
  * measured views and three measured lights (lpca_view.h) take nine. A 3D texture, with the fourth
  * coordinate interpolated by the shader (lpca_revised.h), takes sixteen in two filtered fetches.
  *
- * All values of a sample are stored together. The first 16 bytes hold the mean (nine bits per
- * colour and an exponent) and four components (signed bytes, whose scales are included in the
- * weights of the texels). Each further 16 bytes hold further components. If the four texels around
- * a pixel belong to one cluster, the pixel takes these fetches for c components, with p = ⌈c/4⌉:
+ * All values of a sample are stored together. The first 16 bytes hold the mean and four components.
+ * The mean has nine bits per colour and an exponent. Components are signed bytes, and their scales
+ * are included in the weights of the texels. Each further 16 bytes hold further components. If the
+ * four texels around a pixel belong to one cluster, the pixel takes these fetches for c components,
+ * with p = ⌈c/4⌉:
  *
  *   c           directions    texels      eigen-BRDFs                  these at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10
  *
- * None of the fetches of this method is filtered. The samples are in a buffer, so that an address
- * is a sum. bench_lpca_rendering measures the difference between these pictures and those of
+ * This method filters none of its fetches. The samples are in a buffer, so that an address is a
+ * sum. bench_lpca_rendering measures the difference between these pictures and those of
  * lpca_view.h.
  */
 #pragma once

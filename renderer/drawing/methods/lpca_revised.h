@@ -12,7 +12,7 @@
  * outermost samples, so that filtering never mixes neighbouring volumes along any axis.
  *
  * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied beforehand by the
- * scales of the E_i. The means E_0 are half floats: their weight is always 1, so the steps of bytes
+ * scales of the E_i. The means E_0 are half floats. Their weight is always 1, so the steps of bytes
  * would be visible.
  */
 #pragma once
@@ -26,7 +26,7 @@ typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL conte
 #define LPCA_REVISED_BYTES ((gsize)128 << 20)
 /* Makes the view. levels is a local PCA and its n − 1 mip levels. Levels that are not on a grid yet
  * are resampled to n_grid samples in each direction (lpca_resample.h has the limits). If n_grid is
- * 0, the number is as large as LPCA_REVISED_BYTES allow, but at most 16. Copies everything that it
+ * 0, the number is as large as LPCA_REVISED_BYTES allows, but at most 16. Copies everything that it
  * needs. */
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_revised_free(LpcaRevised *revised); /* NULL is ignored */

@@ -145,8 +145,8 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* Clusters a packed material of one cluster again, with the default numbers of “mesorig compress”,
- * because one cluster has too many components to be drawn. Leaves every other material as it is.
+/* A packed material of one cluster has too many components to be drawn. Clusters such a material
+ * again, with the default numbers of “mesorig compress”. Leaves every other material as it is.
  * Frees the former material. *lpca becomes NULL on error. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
@@ -170,8 +170,8 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
-/* Uploads the cluster of each texel together with those of the next column, the next row, and both,
- * so that one fetch reads four clusters. */
+/* Uploads, for each texel, the clusters of the texel, of the texels in the next column and in the
+ * next row, and of the texel in both. One fetch then reads four clusters. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;

@@ -7,11 +7,11 @@
 #include "directions/directions.h"
 #include "method.h"
 
-/* A local PCA and its mip levels joined into one: level 0, with the eigen-BRDFs of the clusters of
- * all levels one after the other. */
+/* A local PCA and its mip levels, with one list of clusters for all levels. `lpca` is level 0 with
+ * the eigen-BRDFs of the clusters of all levels, one level after the other. */
 struct lpca_pyramid {
     struct lpca *lpca;
-    gboolean owned; /* lpca is a copy to be freed, and not levels[0] */
+    gboolean owned; /* `lpca` is a copy that must be freed, and not levels[0] */
     int n_levels;
     const struct lpca *levels[LPCA_MAX_LEVELS]; /* borrowed */
     int first[LPCA_MAX_LEVELS];                 /* number of the first cluster of each level */
@@ -28,7 +28,7 @@ void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
  * logarithms between directions is not a linear interpolation of reflectances. */
 gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
 
-/* Uploads n levels, which are borrowed, to the card. Returns a method's material, or NULL on
+/* Uploads n levels to the card, and does not keep them. Returns a method's material, or NULL on
  * error. */
 typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
 /* Implements a method's function open(): reads all levels of a file, and returns the result of
@@ -38,7 +38,8 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 struct lpca_texels {
     int width, height; /* of level 0 */
     int n_components, n_levels;
-    gboolean log; /* values are logarithms, so texels are evaluated before they are mixed */
+    /* the values are logarithms, so that texels are evaluated before they are mixed */
+    gboolean log;
     guint weights, clusters; /* textures of lpca_texel.glsl */
 };
 
@@ -65,8 +66,8 @@ struct lpca_stack {
     int clusters_a_layer, n_layers;
 };
 
-/* Computes the layout. Fails if the card cannot hold it. advice says in the error what to do then.
- */
+/* Computes the layout. Fails if the card cannot hold the tables. The error then ends with advice,
+ * which says what the user can do. */
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
                          const char *advice, GError **error);
 /* Returns a new texture of half floats with this layout, or 0 on error. */

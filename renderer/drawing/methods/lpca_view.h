@@ -1,8 +1,8 @@
 /*
  * Local PCA on the graphics card as it was first drawn (Schneider 2004 §5). The cluster and the
  * weights of a texel select and mix eigen-BRDFs. Each eigen-BRDF is looked up for all nine pairs of
- * the three measured views around v and the three measured lights around l, whose interpolation
- * weights are g and h (direction_cube.h):
+ * the three measured views around v and the three measured lights around l. The interpolation
+ * weights of the views are g, and those of the lights are h (direction_cube.h):
  *
  *   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_{0,k(x)}(a, b) + Σ_i w_i(x) E_{i,k(x)}(a, b)).
  *
@@ -15,9 +15,9 @@
  *
  * With logarithms (LPCA_LOG), the sums over i are logarithms. For each of the four texels, the sum
  * of each pair (a, b) is converted to a reflectance before the pairs are mixed. At measured
- * directions pictures therefore show the values of lpca_reconstruct(), and between them they are
- * linear as above. The reflectance under an even sky is not linear in the weights. It is stored for
- * each texel and view.
+ * directions, pictures therefore show the values of lpca_reconstruct(). Between measured
+ * directions, reflectance is linear as above. The reflectance under an even sky is not linear in
+ * the weights, and is therefore stored for each texel and view.
  */
 #pragma once
 

@@ -10,7 +10,7 @@
 typedef struct Directions Directions; /* directions/directions.h */
 
 #define METHOD_SHADERS 6
-/* The texture units 0 … 7 belong to a method, higher units to the viewer and the relief. */
+/* The texture units 0 … 7 belong to the method. The viewer and the relief use higher units. */
 #define METHOD_UNITS 8
 
 /* How microfacets follow a normal that differs from the surface's (Kang & Cho 2011). */
@@ -31,7 +31,7 @@ struct method {
     const char *title;      /* name for users */
     const char *product;    /* its file in products/ of a session; NULL if it needs no file */
     const char *made_by;    /* command that makes the file; NULL if it needs no file */
-    gboolean takes_normals; /* a normal map (normal_map.h) may replace its own normals */
+    gboolean takes_normals; /* a normal map (normal_map.h) may replace the method's normals */
     /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. directions.glsl comes
      * before them. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
@@ -39,10 +39,10 @@ struct method {
      * vectors in the texture's frame (+y upwards). The result is lit × the reflectance under the
      * light l, plus the uniform float ambient × the reflectance under an even sky. lit is 0 in a
      * shadow and 1 elsewhere. Textures of texels are read by PLACE_TEXTURE(sampler, x) or
-     * texelFetch(), tables by textureLod(). texture(), dFdx() and dFdy() are not allowed: the next
-     * pixel may show another part of the sample (places.glsl). A method whose work for the
-     * directions is the same for all texels also defines BTF_PREPARED and the two halves of btf():
-     * void btf_prepare(vec3 v, vec3 l, float lit) and vec3 btf_texel(vec2 x). */
+     * texelFetch(). Tables are read by textureLod(). texture(), dFdx() and dFdy() are not allowed,
+     * because the next pixel may show another part of the sample (places.glsl). A method whose work
+     * for the directions is the same for all texels also defines BTF_PREPARED and the two halves of
+     * btf(): void btf_prepare(vec3 v, vec3 l, float lit) and vec3 btf_texel(vec2 x). */
     const char *const *shaders;
     /* The following functions belong to the thread of the GL context. open() reads a file and
      * uploads it to the card. For a method without a material file, path names a normal map, or is

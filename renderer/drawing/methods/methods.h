@@ -15,9 +15,9 @@ const struct method *method_find(const char *name); /* NULL if there is none */
  * session has a product. Returns NULL if the session has no product. */
 const struct method *method_of_session(const char *session);
 
-/* Returns the path of a method's file. argument is a file, or the directory of a session, which
- * stands for the method's product in it. It may be NULL if the method needs no file. Free the
- * result with g_free(). */
+/* Returns the path of a method's file. argument is a file or the directory of a session. A
+ * directory stands for the method's product in this session. argument may be NULL if the method
+ * needs no file. Free the result with g_free(). */
 char *method_path(const struct method *method, const char *argument);
 
 /* Calls the method's open(). If the file does not exist, the error says so. Errors name the file.

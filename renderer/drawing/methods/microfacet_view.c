@@ -17,8 +17,8 @@
 #define BUMP_SLOPE  0.75
 
 /* The parameters of the surfaces. For fabric, diffuse is the colour of the warp, and rough belongs
- * to the weft, whose yarns run along U. A warp yarn has U and V exchanged. For metal, U is along
- * the brushing, because the facets lean least in that direction. */
+ * to the weft. The yarns of the weft run along U. For a yarn of the warp, U and V are exchanged.
+ * For metal, U is along the brushing, because the facets lean least in that direction. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},

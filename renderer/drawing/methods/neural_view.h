@@ -1,20 +1,21 @@
 /*
- * Neural planes (neural.h) on the graphics card. The surface is an array texture of bytes, and the
- * heights are a texture of half floats that have the values of their bytes: some cards and llvmpipe
- * round the filtered values of byte textures to bytes, which is too coarse for slopes and shadows.
- * The planes over directions and the network are decoded to floats, which are a few kilobytes. The
- * scales of the channels of the surface are part of the weights of the first layer.
+ * Neural planes (neural.h) on the graphics card. The surface is an array texture of bytes. The
+ * heights are also bytes in the file, but their texture has half floats of the same values. Some
+ * cards and llvmpipe round the filtered values of byte textures to bytes, which is too coarse for
+ * slopes and shadows. The planes over directions and the network are decoded to floats, which take
+ * a few kilobytes. The scales of the channels of the surface are part of the weights of the first
+ * layer.
  *
- * A pixel is evaluated at its own place, with one ray, as neural_evaluate_points() does. Only
- * without filter it has the colour of its texel, from four rays. docs/lab/rendering.md compares
- * both with captures.
+ * A pixel is evaluated at its own place, with one ray, as neural_evaluate_points() does. Only if
+ * texels are not filtered, a pixel has the colour of its texel, from four rays.
+ * docs/lab/rendering.md compares both with captures.
  *
  * Between two mip levels, each read of a texture is interpolated, and the network is evaluated
  * once. The card computes the mip levels that a file lacks, and all levels of the heights.
  *
- * Under an even sky, (1/π) ∫ B dω is computed beforehand for each texel and SKY × SKY views, as the
- * sum over 16 lights, and belongs to the end of a ray. If the material has many texels, those of a
- * coarser mip level are taken.
+ * For an even sky, (1/π) ∫ B dω is computed beforehand for each texel and SKY × SKY views, as a sum
+ * over 16 lights. It is read at the place where the ray ends. If the material has many texels, the
+ * texels of a coarser mip level are used.
  */
 #pragma once
 

@@ -35,16 +35,17 @@ struct slices {
     /* index of the value in a texel, for each channel of each page; −1 if the channel is not
      * used */
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
-    /* Set by slices_upload(). values is the texture of the models' values. ambients is the texture
-     * of the reflectance under an even sky: a layer per view, and one for the pole. pole is the
-     * texture of the indices of the views whose mean stands for the pole (lobes.glsl). */
+    /* The following members are set by slices_upload(). `values` is the texture of the models'
+     * values. `ambients` is the texture of the reflectance under an even sky, with a layer for each
+     * view and one for the pole. The mean of some views stands for the pole; `pole` is the texture
+     * of the indices of these views (lobes.glsl). */
     int width, height; /* texels of level 0 */
     guint values, ambients, pole;
     struct direction_textures views;
 };
 
-/* Check that the card can hold the slices, and that all values of the level are finite. advice says
- * in the error how to make the slices smaller. */
+/* Check that the card can hold the slices, and that all values of the level are finite. The error
+ * for slices that are too large ends with advice, which says how to make the slices smaller. */
 gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
                            const char *advice, GError **error);
 gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,

@@ -257,7 +257,7 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    /* must be valid although there may be no textures */
+    /* the object must be valid here, although there may be no textures yet */
     texture->views.target = texture->along.target = GL_TEXTURE_2D;
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;

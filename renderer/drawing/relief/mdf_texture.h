@@ -17,19 +17,19 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error);
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
 
-/* Returns whether the texture holds factors. Shaders are compiled with MDF_MAPS 1 for factors, and
- * 0 otherwise. */
+/* Returns whether the texture holds factors. If so, shaders are compiled with MDF_MAPS 1, and
+ * otherwise with MDF_MAPS 0. */
 gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL */
 
 /* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances along the ray have 8
- * bits with one scale, and are in a 3D texture whose third axis is the view. The texture is
- * filtered trilinearly, without mip levels. Its filter interpolates between views of a ring, and
- * the shader mixes two rings. The texture is made from the views when this function is first
- * called. Its slices are those of drawing/gl/ring_slices.h. Shaders are compiled with MDF_VOLUME 1.
- * The function fails if the MDF is in factors, if its views are not on evenly spaced rings, or if
- * they do not fit into a 3D texture of the card. */
+ * bits with one scale. They are in a 3D texture that is filtered trilinearly, without mip levels.
+ * The third axis of the texture is the view. The filter interpolates between views of a ring, and
+ * the shader mixes two rings. The first call makes the texture from the views. The slices of the
+ * texture are those of drawing/gl/ring_slices.h. Shaders are compiled with MDF_VOLUME 1. The
+ * function fails if the MDF is in factors, if the views are not on evenly spaced rings, or if the
+ * views do not fit into a 3D texture of the card. */
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call

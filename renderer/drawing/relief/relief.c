@@ -80,7 +80,8 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return sum;
 }
 
-/* Removes all indices from n_casting on. A part that contains index n_casting is cut there. */
+/* Removes all indices from n_casting on, which cast no shadow. A part that contains index n_casting
+ * is cut there. */
 static void parts_casting(struct visibility_scene *scene, guint n_casting) {
     int n = 0;
     for (int k = 0; k < scene->n_parts; k++) {

@@ -22,14 +22,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
  * smooth. Copies everything that it needs. On error the former MDF stays. */
 gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf, GError **error);
 
-/* Makes the next relief_prepare() draw all shadow maps again. Call this function if something has
- * changed on which shadow maps depend and which struct relief_scene does not contain. */
+/* Makes the next relief_prepare() draw all shadow maps again. Shadow maps also depend on things
+ * that struct relief_scene does not contain. Call this function when one of these has changed. */
 void relief_forget(Relief *relief);
 
 gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of all MDFs */
 
 struct relief_scene {
-    /* Scene as the eye sees it; its MDFs are ignored, because the relief has them. */
+    /* The scene as the eye sees it. `mdf` of its parts is ignored, because the relief has the
+     * MDFs. */
     struct visibility_scene seen;
     /* Number of indices at the beginning that cast shadows. All indices receive shadows. If there
      * are several parts, this number must not end within a part. */
@@ -37,8 +38,8 @@ struct relief_scene {
     double radius;  /* radius of the part that casts shadows */
     float light[3]; /* unit vector towards the first lamp */
     guint serial;   /* a different number for each mesh */
-    /* Whether silhouettes and the shadows of all lamps are drawn. Silhouettes need a part with an
-     * MDF. */
+    /* These two say whether silhouettes are drawn, and whether the shadows of all lamps are drawn.
+     * Silhouettes need a part with an MDF. */
     gboolean silhouettes, shadows;
     gboolean along_surface; /* textures for along.glsl are made and bound */
     gboolean lit;           /* the first lamp is on; if FALSE, it casts no shadow */

@@ -7,8 +7,8 @@
 #include <string.h>
 
 /* SLACK: depth bias, in texels. REACH, RANGE: in radii of the mesh; see shadow_maps_range(). NEAR:
- * in radii of the mesh; a lamp nearer to the origin has six maps. WIDE: a lamp whose cone has a
- * larger half-angle also has six maps. FACES: number of these maps. */
+ * in radii of the mesh; a lamp without a cone that is nearer to the origin has six maps. WIDE: a
+ * near lamp with a cone of a larger half-angle also has six maps. FACES: number of these maps. */
 #define SLACK 2.0
 #define REACH 2.0
 #define RANGE 4.0
@@ -28,7 +28,8 @@ struct key {
 struct ShadowMaps {
     gboolean layered;
     guint program, texture, framebuffer;
-    int size, n;                        /* size: width and height of a map; n: number of layers */
+    /* `size` is the width and height of a map, and `n` the number of layers */
+    int size, n;
     struct key keys[SHADOW_MAPS_LAYER]; /* keys of the layers */
 };
 
@@ -133,7 +134,8 @@ static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
 }
 
 /* Returns the tangent of half the angle of a near lamp's map. It is 1 for the faces of a cube. The
- * map of a spot lamp just contains its cone, and that of another lamp the sphere of the mesh. */
+ * map of a spot lamp just contains the cone. The map of another lamp just contains the sphere of
+ * the mesh. */
 static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
     const double distance = place_distance(lamp);
     if (lamp_faces(lamp, radius) == FACES)
@@ -183,8 +185,8 @@ static void face_back(const struct shadow_lamp *lamp, int face, double radius, f
                         : (float)(lamp->place[k] / distance);
 }
 
-/* Computes the column-major matrix of a parallel projection along the light. A sphere of the radius
- * around the origin fills the picture. */
+/* Computes the column-major matrix of a parallel projection along the light. A sphere of this
+ * radius around the origin just fits into the picture. */
 static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     float right[3], up[3];
     shadow_maps_right(light, right);

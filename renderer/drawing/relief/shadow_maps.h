@@ -29,13 +29,16 @@ struct shadow_scene {
 };
 
 struct shadow_lamp {
-    float place[4]; /* w = 1: position, not the origin; w = 0: unit vector towards a distant lamp */
-    float axis[3];  /* for a cone: unit vector along which its light goes */
-    float cone_rad; /* half the angle of its cone of light; 0 if it shines in all directions */
+    /* [3] = 1: position, which must not be the origin; [3] = 0: unit vector towards a distant
+     * lamp */
+    float place[4];
+    float axis[3]; /* for a lamp with a cone: unit vector along which the light goes */
+    /* half the angle of the cone of light; 0 if the lamp shines in all directions */
+    float cone_rad;
 };
 
-/* Returns the number of layers for n lamps. The first n layers belong to one lamp each. The other
- * five maps of each lamp with six maps follow. */
+/* Returns the number of layers for n lamps. The first n layers belong to one lamp each. Then follow
+ * the other five maps of each lamp that has six maps. */
 int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
 
 /* Draws the maps whose lamp, mesh, tiles, MDF or options have changed since the last call. Maps

@@ -11,7 +11,7 @@ enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
 
 #define VARIANTS (N_FORMS * PLACES_KINDS) /* number of variants of the programs */
 
-/* SURE_BASE: SURE without the distance to the structure (base_only in visibility.h) */
+/* SURE_BASE is SURE without the distance to the structure (base_only in visibility.h). */
 enum { BACK, FRONT, SURE, SURE_BASE, ADD, N_PROGRAMS };
 
 struct Visibility {
@@ -21,14 +21,14 @@ struct Visibility {
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint exits, find;
     guint query; /* whether a layer has back faces */
-    /* back: the back faces of this layer and of the layer before, in turn; exit: the nearest back
-     * faces; seen: the result of visibility_find() */
+    /* `back` has the back faces of this layer and of the layer before, in turn. `exit` has the
+     * nearest back faces. `seen` is the result of visibility_find(). */
     struct gpu_target back[2], exit, seen;
-    /* Stencil buffer of seen: with peeling, the layer in which the surface of a pixel was found;
-     * with lists, 1 where a pixel has a list. */
+    /* Stencil buffer of `seen`. With peeling, it has the layer in which the surface of a pixel was
+     * found. With lists, it is 1 where a pixel has a list. */
     guint stencil;
-    /* first: texture of the number of the first face in each pixel's list; faces: buffer of the
-     * lists (list_nodes.glsl) */
+    /* `first` is the texture of the number of the first face in each pixel's list. `faces` is the
+     * buffer of the lists (list_nodes.glsl). */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
     guint32 room; /* number of faces for which the buffer has space */
@@ -117,8 +117,9 @@ static int part_variant(const struct visibility_part *part) {
     return (int)form_of(part) + N_FORMS * (int)places_kind_of(&part->places);
 }
 
-/* A drawing pass. textures are bound to VISIBILITY_UNIT and to the next unit. names are the names
- * of their samplers. Unused elements are NULL and 0. */
+/* A drawing pass. `textures` are bound to VISIBILITY_UNIT and to the next unit, and `names` are the
+ * names of their samplers. Unused elements of `names` are NULL, and unused elements of `textures`
+ * are 0. */
 struct pass {
     int program; /* BACK, FRONT, SURE, SURE_BASE or ADD */
     const char *names[2];
@@ -213,8 +214,8 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
     return TRUE;
 }
 
-/* Allocates the buffer. Returns FALSE if the card has no memory for so many faces; the buffer is
- * then deleted. */
+/* Allocates the buffer for this number of faces. If the card has not enough memory, deletes the
+ * buffer and returns FALSE. */
 static gboolean make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
         glGenBuffers(1, &v->faces);
@@ -252,7 +253,7 @@ static void find_sure(Visibility *v, const struct visibility_scene *s) {
 }
 
 /* Adds all faces that are not hidden by find_sure() to the lists of their pixels. Returns the
- * number of faces. If it is larger than v->room, the lists are incomplete. */
+ * number of faces. If this number is larger than v->room, the lists are incomplete. */
 static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     const GLuint none[4] = {0, 0, 0, 0};
     guint32 n_faces = 0;

@@ -3,9 +3,9 @@
  * near its contour and leave it again without meeting the structure. The ray then sees the surface
  * behind (Wang et al. 2005 §4.1).
  *
- * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure.
- * A ray that only leaves sees nothing. A scene may have several meshes, which must not intersect,
- * and several materials. All its parts are searched together.
+ * The mesh should be closed. A ray that enters the mesh and does not leave it counts as meeting the
+ * structure. A ray that leaves the mesh without entering it sees nothing. A scene may have several
+ * meshes, which must not intersect, and several materials. All its parts are searched together.
  */
 #pragma once
 
@@ -23,7 +23,7 @@ enum visibility_way {
 
 #define VISIBILITY_MAX_LAYERS 32
 #define VISIBILITY_UNIT                                                                            \
-    11 /* unit of the resulting texture in shaders that read it; the next one is also used */
+    11 /* unit of the resulting texture in shaders that read it; the next unit is also used */
 
 struct visibility_options {
     enum visibility_way way;
@@ -60,7 +60,7 @@ struct visibility_scene {
     float sight[4];
     float reach;       /* for an eye infinitely far away: a length larger than any in the scene */
     int width, height; /* of the resulting texture */
-    /* The caller only needs the distances to the mesh and to the base. */
+    /* TRUE if the caller needs only the distances to the mesh and to the base. */
     gboolean base_only;
     struct visibility_options options;
 };
