@@ -17,8 +17,9 @@ enum { SHARP, SOFT, N_SHADOWS };
 struct Backdrop {
     guint programs[N_PROGRAMS][N_SHADOWS]; /* each is compiled when it is first used */
     guint environment;                     /* texture of the environment map; 0 if there is none */
-    /* foot: half the size of the mesh's footprint in x and y, and the lowest z of the mesh; corner:
-     * radius of the corners of the footprint; radius: radius of the mesh */
+    /* `foot` has half the size of the mesh's footprint in x and y, and the lowest z of the mesh.
+     * `corner` is the radius of the corners of the footprint, and `radius` the radius of the
+     * mesh. */
     float foot[3], corner, radius;
 };
 

@@ -7,8 +7,9 @@ enum compose_mode { COMPOSE_ONE, COMPOSE_SPLIT, COMPOSE_DIFFERENCE, COMPOSE_MODE
 
 struct compose {
     enum compose_mode mode;
-    double at; /* split: position of the border, from 0 (left) to 1 */
-    /* Difference: factor by which the difference of brightness is amplified around middle grey. */
+    double at; /* with COMPOSE_SPLIT: position of the border, from 0 (left) to 1 */
+    /* with COMPOSE_DIFFERENCE: factor by which the difference of brightness is amplified around
+     * middle grey */
     double gain;
 };
 

@@ -19,8 +19,8 @@ struct environment {
 extern const char *const environment_names[];
 
 /* Opens an environment. name is one of environment_names, or the path of a file. Returns NULL on
- * error. environment_read() takes only the path of a file, and refuses a picture of another form or
- * with a radiance outside 0 … 1e30. Free both with environment_free(). */
+ * error. environment_read() takes only the path of a file. It refuses a picture of another form, or
+ * with a radiance outside 0 … 1e30. Free the result of either function with environment_free(). */
 struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
@@ -31,8 +31,8 @@ void environment_free(struct environment *environment); /* NULL is ignored */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds the lamps of the environment to the settings, at most settings->environment_lamps, turned by
- * settings->environment_turn_deg. Fails, and changes nothing, if the environment is black or the
- * settings have no room for a lamp. */
+/* Adds at most settings->environment_lamps lamps to the settings, which give the light of the
+ * environment turned by settings->environment_turn_deg. Fails and changes nothing if the
+ * environment is black, or if the settings have no room for a lamp. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

@@ -14,7 +14,8 @@ enum file_kind {
 
 struct file_opened {
     enum file_kind kind;
-    /* Path; for a session's session.db or products, the path of the session. */
+    /* Path of the file or folder. For session.db or products of a session, the path of the
+     * session. */
     char *path;
     const struct method *method; /* FILE_KIND_MATERIAL: the method that draws it */
 };

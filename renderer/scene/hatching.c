@@ -9,8 +9,9 @@
 #define CELLS 256 /* cells of the hemisphere's square in each direction */
 
 struct Hatching {
-    guint program, missing; /* missing: texture, 1 where the nearest planned view is missing */
-    gboolean any;           /* whether a planned view is missing */
+    /* `missing` is a texture that is 1 where the nearest planned view is missing */
+    guint program, missing;
+    gboolean any; /* whether a planned view is missing */
 };
 
 Hatching *hatching_new(GError **error) {

@@ -1,6 +1,7 @@
 /*
  * Marks the parts of a picture that are not measured yet with fine stripes. A point is marked if
- * the planned view nearest to its viewing direction is missing, so that its value is interpolated.
+ * the planned view that is nearest to its viewing direction is missing. The value of the point is
+ * then interpolated.
  */
 #pragma once
 
@@ -27,6 +28,6 @@ void hatching_set(Hatching *hatching, const struct planned_view *views, guint n)
 gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
 
 /* Draws the stripes. directions is a texture with the values of VIEWER_GEOMETRY_VIEW
- * (viewer_render_geometry()). It has the size of the framebuffer. */
+ * (viewer_render_geometry()). The texture has the size of the framebuffer. */
 void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
                    int height);

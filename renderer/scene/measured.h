@@ -8,14 +8,17 @@ struct measured {
     int view, light; /* indices into reference_info() */
     float view_theta_deg, view_phi_deg, light_theta_deg, light_phi_deg;
     int width, height; /* of the picture */
-    guint8 *rgb;       /* side by side: measured, drawn, four times the difference around grey */
+    /* three panels side by side: the measured picture, the drawn picture, and four times their
+     * difference around grey */
+    guint8 *rgb;
     double error; /* ‖drawn − measured‖ / ‖measured‖ of linear reflectances; 0 if the measured
                      picture is black */
 };
 
-/* Finds the measured picture whose view and light are nearest to the directions of the camera and
- * the first lamp, for a horizontal sample, and draws the comparison. Each texel is drawn as n × n
- * pixels. n is the largest number for which the three panels fit into width, but at least 1. */
+/* Finds the measured picture with the view and the light that are nearest to the directions of the
+ * camera and the first lamp, for a horizontal sample. Then draws the comparison. Each texel is
+ * drawn as n × n pixels. n is the largest number for which the three panels fit into width, but at
+ * least 1. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

@@ -10,10 +10,10 @@
 GQuark picture_error_quark(void);
 enum picture_error { PICTURE_ERROR_IO };
 
-/* Writes a PNG. rgb has width × height × 3 bytes, sRGB, top row first. texts is key, value, key,
- * value, …, NULL, or NULL. The texts are stored in the file as text chunks (UTF-8). The file
- * appears under its name when it is complete. For a name that a user has given, path is the result
- * of output_file_path(). */
+/* Writes a PNG. rgb has width × height × 3 bytes, sRGB, top row first. texts is a list of key,
+ * value, key, value, …, NULL, or is NULL. The texts are stored in the file as text chunks (UTF-8).
+ * The file appears under its name when it is complete. If a user has given the name, path must be
+ * the result of output_file_path(). */
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error);
 

@@ -1,7 +1,7 @@
 /*
- * The shader programs of a method. A feature that a picture does not use (further lamps, their
- * shadows, an even sky) is left out at compile time, because some drivers do not skip a branch that
- * a uniform switches off. Each variant is compiled when a picture first needs it.
+ * The shader programs of a method. A feature that a picture does not use (further lamps, shadows of
+ * further lamps, an even sky) is left out at compile time, because some drivers do not skip a
+ * branch that a uniform switches off. Each variant is compiled when a picture first needs it.
  */
 #pragma once
 

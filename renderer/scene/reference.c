@@ -57,21 +57,26 @@ struct shading {
     struct along *along; /* one for each sample; NULL if views are mixed texel by texel */
     guint n_samples;
     const float *texel, *view; /* viewer_render_geometry() of TEXEL and of VIEW */
-    const float *light, *lit;  /* the same of LIGHT and of LIT, for the lamp that is added */
-    /* rgb: colour of that lamp; ambient: brightness of an even sky that is added with the lamp */
+    /* viewer_render_geometry() of LIGHT and of LIT, for the lamp that is added */
+    const float *light, *lit;
+    /* `rgb` is the colour of the lamp that is added. `ambient` is the brightness of an even sky
+     * that is added with the lamp. */
     double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;
-    gsize layer_size;              /* in floats */
-    const float *pole, *sky;       /* weight of each light in the layer of the pole, of the sky */
+    gsize layer_size; /* in floats */
+    /* `pole` has the weight of each light in the layer of the pole. `sky` has the weight of each
+     * light in the layer of the even sky. */
+    const float *pole, *sky;
     float *means;                  /* mean R, G, B of each layer */
     const struct index_map *index; /* index map; NULL if there is none */
     const struct endless *endless; /* hexagons; NULL if there are none */
     struct endless_lattice lattice;
     int width, height; /* number of texels after which the drawn pattern repeats */
     int view_index;
-    float pole_share; /* weight of this view in the mean that is the pole of the views */
+    /* weight of the loaded view in the mean that stands for the pole of the views */
+    float pole_share;
 };
 
 void reference_free(Reference *r) {
@@ -295,8 +300,8 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
-/* Returns the values of a layer at a texel of the drawn pattern, which are the values of the
- * sample's texel at that place. */
+/* Returns the values of a layer at a texel of the drawn pattern. They are the values of the texel
+ * of the sample that is drawn at that place. */
 static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
     if (s->index != NULL) {
         const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);
@@ -307,7 +312,7 @@ static const float *shading_texel(const struct shading *s, const float *texels, 
 }
 
 /* Adds the value of a layer at a place of the sample, in texels, to sum. The value is interpolated
- * bilinearly between texels, or that of the nearest texel (style.nearest). */
+ * bilinearly between texels. With style.nearest, it is the value of the nearest texel. */
 static void add_place(const struct shading *s, int layer, const float place[2], float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -404,8 +409,8 @@ static void reference_shade(int part, gpointer data) {
     }
 }
 
-/* Reads R, G and B of each texel under each light from a file. ret has stride floats per texel, of
- * which the first three are set. */
+/* Reads R, G and B of each texel under each light from a file. ret has stride floats per texel. The
+ * first three of them are set. */
 static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
                                     GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
@@ -538,7 +543,8 @@ struct material_shading {
 };
 
 /* Adds weight × (rgb × lit × the reflectance under the lamp + ambient × Σ_l sky_l × the reflectance
- * under light l) to sample->sum. footprint is 0, or 1 for the mean of the sample. */
+ * under light l) to sample->sum. footprint is 0 for a point of the sample, or 1 for the mean of the
+ * sample. */
 static void reference_add_point(const struct material_shading *m, struct sample *sample,
                                 const float uv[2], float footprint, float weight) {
     const struct shading *s = m->shading;
@@ -605,8 +611,8 @@ static gboolean shade_by_material(struct shading *s, const mesorig_material *mat
     return TRUE;
 }
 
-/* Replaces the pixels that the viewer has drawn by the samples. Adds the squares of their values
- * and of the differences to the sums. */
+/* Replaces the pixels that the viewer has drawn by the samples. Adds the squares of the values, and
+ * of their differences from the viewer's picture, to the sums. */
 static void put_samples(const struct shading *s, float *picture, double *squares,
                         double *differences) {
     for (guint k = 0; k < s->n_samples; k++)
@@ -640,7 +646,7 @@ static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
     return r->material != NULL ? shade_by_material(s, r->material, error) : shade_samples(s, error);
 }
 
-/* Adds one lamp after the other: the first with the sky, then the further ones. */
+/* Adds one lamp after the other: the first lamp with the sky, and then the further lamps. */
 static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *viewer, int width,
                           int height, GError **error) {
     const struct viewer_settings lit = lamp_settings(shading->settings);

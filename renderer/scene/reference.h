@@ -27,17 +27,17 @@ enum reference_error {
 
 typedef struct Reference Reference;
 
-/* Opens a BTF. btf is a folder of files view_….exr as described in pipeline.h. Only their headers
- * are read. */
+/* Opens a BTF. btf is a folder of files view_….exr as described in pipeline.h. Only the headers of
+ * the files are read. */
 Reference *reference_open(const char *btf, GError **error);
 /* Opens a compressed material. path is a file that “mesorig compress” or “mesorig process” wrote.
- * Such a reference can only render pictures: reference_info() and reference_read_view() need a
- * BTF. */
+ * Such a reference can only render pictures, because reference_info() and reference_read_view()
+ * need a BTF. */
 Reference *reference_open_material(const char *path, GError **error);
-/* From now on, pictures from the BTF mix views along the surface that its MDF describes
- * (mdf/reprojection.h). The reference must come from reference_open(). The sample must repeat,
- * without an index map. mdf is products/mdf.exr. Texels are always interpolated. Rendering takes
- * about 150 bytes more for each sample, and the memory of the MDF. */
+/* From now on, pictures from the BTF mix views along the surface that the MDF of the session
+ * describes (mdf/reprojection.h). The reference must come from reference_open(). The sample must
+ * repeat, without an index map. mdf is products/mdf.exr. Texels are always interpolated. Rendering
+ * takes about 150 bytes more for each sample, and the memory of the MDF. */
 gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
@@ -53,12 +53,13 @@ struct reference_info reference_info(const Reference *reference);
  * 0. */
 gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
 
-/* These functions work like viewer_draw() and viewer_render_linear(); the first returns width ×
- * height × 3 bytes, sRGB, top row first. The viewer gives mesh, background and tone. references has
- * n elements; references[k] belongs to material k of the viewer. Where it is NULL, the picture
- * keeps the viewer's material, and the error does not include it. *ret_error is ‖p − r‖ / ‖r‖ over
- * the samples that show the mesh, with the viewer's picture p and the reference r, or 0 if r is
- * black. ret_error may be NULL. */
+/* reference_render_scene() works like viewer_draw(), and returns width × height × 3 bytes, sRGB,
+ * top row first. reference_render_scene_linear() works like viewer_render_linear(). The viewer
+ * gives mesh, background and tone. references has n elements, and references[k] belongs to material
+ * k of the viewer. Where references[k] is NULL, the picture shows material k as the viewer draws
+ * it, and the error does not include material k. *ret_error is ‖p − r‖ / ‖r‖ over all other samples
+ * that show the mesh, with the viewer's picture p and the reference r. It is 0 if r is black.
+ * ret_error may be NULL. Both functions return NULL on error. */
 guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);

@@ -46,8 +46,8 @@ struct Viewer {
     Hatching *hatching;
     guint plain_program, geometry_programs[GEOMETRIES], resolve_program;
     guint array, vertices, shapes, indices; /* GL vertex array and the buffers of the mesh */
-    /* n_casting: number of indices without those of the floor, which casts no shadow; serial:
-     * number of meshes that have been set so far */
+    /* `n_casting` is the number of indices without those of the floor, which casts no shadow.
+     * `serial` is the number of meshes that have been set so far. */
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
     double reach;  /* radius of a sphere around the origin that contains the mesh and its floor */
@@ -162,9 +162,9 @@ void viewer_free(Viewer *viewer) {
     g_free(viewer);
 }
 
-/* Replaces the method and the material of m, and compiles the method's programs if the method
- * changes. Takes ownership of material. Fails without taking it, and changes nothing, if a program
- * cannot be compiled. */
+/* Replaces the method and the material of m, and takes ownership of material. If the method
+ * changes, compiles the programs of the new method. If a program cannot be compiled, fails, changes
+ * nothing and does not take material. */
 static gboolean material_set(struct viewer_material *m, const struct method *method,
                              gpointer material, GError **error) {
     if (m->method != method) {
@@ -193,8 +193,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-/* Sets the main material, and takes ownership of it in any case. If material is NULL, error is set
- * already, and FALSE is returned. */
+/* Sets the main material. Takes ownership of material even on failure. If material is NULL, the
+ * caller has already set error, and the function returns FALSE. */
 static gboolean take(Viewer *viewer, const struct method *method, gpointer material,
                      GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))
@@ -458,7 +458,7 @@ static void draw_part(Viewer *viewer, guint program, const struct viewer_setting
 }
 
 /* Draws the mesh. All parts are drawn with `program`. If `program` is 0, each part is drawn with
- * the program of its material. Fails if this program cannot be compiled. */
+ * the program of its material. Fails if the program of a material cannot be compiled. */
 static gboolean draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
                           const struct relief_scene *scene, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;

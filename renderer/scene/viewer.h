@@ -2,7 +2,7 @@
  * A Viewer draws a material on a mesh as a picture. It holds the mesh, the MDF, the backdrop, and
  * the material as its method has uploaded it to the graphics card. (The word “view” is used for a
  * direction of a BTF or an MDF.) A Viewer belongs to the thread of the GL context. The context must
- * be current, and its state is changed.
+ * be current. The functions change the state of the context.
  */
 #pragma once
 
@@ -15,8 +15,8 @@
 
 typedef struct Viewer Viewer;
 
-/* Describes struct vertex to the inputs of mesh.vert, locations 0 … VIEWER_VERTEX_ATTRIBUTES − 1,
- * for the bound buffer and vertex array. */
+/* Sets the layout of struct vertex for the inputs of mesh.vert, which have the locations 0 …
+ * VIEWER_VERTEX_ATTRIBUTES − 1. Acts on the bound buffer and vertex array. */
 #define VIEWER_VERTEX_ATTRIBUTES 4
 void viewer_vertex_attributes(void);
 
@@ -55,25 +55,29 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 /* Sets the index map through which the material and its MDF are seen (gl/index_texture.h). With
  * NULL, the sample is repeated. Copies everything that it needs. The map must be made for the
  * sample of the material. Methods without a material file, viewer_render_flat() and plain pictures
- * ignore the map. If the settings leave the tiles to the mesh, their number becomes a multiple of
- * the length of the map in tiles. */
+ * ignore the map. If the settings leave the numbers of tiles to the mesh, these numbers become
+ * multiples of the size of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* Opens an index map. Also fails if its sample and the open material have different sizes. */
+/* Opens an index map. Also fails if the sample of the map and the open material have different
+ * sizes. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
-/* Rounds the numbers of tiles to multiples of the map's size. *v is rounded first, and *u is then
- * chosen so that the shape of the tiles changes least. Without a map, the numbers are not
- * changed. */
+/* Rounds the numbers of tiles *u and *v to multiples of the size of the index map in tiles. *v is
+ * rounded first. *u is then chosen so that the shape of the tiles changes least. Without an index
+ * map, the numbers are not changed. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
 /* Returns the index map, or NULL if there is none. The viewer owns it. */
 const struct index_map *viewer_index(const Viewer *viewer);
 
-/* Returns the hexagons of the picture that was drawn last, and their lattice with these settings.
- * Returns NULL if there are none. The viewer owns them until another material is set. */
+/* Returns the hexagons by which a picture with these settings continues the material endlessly
+ * (`endless` in struct viewer_settings). *ret receives the lattice of the hexagons with these
+ * settings. The first picture that needs hexagons makes them. Returns NULL and does not set *ret
+ * before that, or if a picture with these settings has no hexagons. The viewer owns the hexagons,
+ * which are valid until another material is set. */
 const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *settings,
                                      struct endless_lattice *ret);
 
-/* Sets the environment map behind the mesh and copies it. Its light comes from lamps in the
- * settings; see environment_light(). */
+/* Sets the environment map that is visible behind the mesh, and copies it. The light of the
+ * environment comes from lamps in the settings; see environment_light(). */
 struct environment;
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error);
@@ -89,9 +93,9 @@ struct viewer_memory viewer_memory(const Viewer *viewer);
  * not measured yet (hatching.h). n = 0 removes the hatching. Copies the views. */
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
-/* If camera_distance is 0, sets it and camera_pan so that the mesh fills a picture of the aspect
- * width / height. Otherwise changes nothing. Without this call, drawing computes both again for
- * every picture. */
+/* If camera_distance is 0, sets camera_distance and camera_pan so that the mesh fills a picture
+ * with aspect = width / height. Changes nothing if camera_distance is not 0. Without this call,
+ * drawing computes both values again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
 /* Draws into a framebuffer object (0 is the window's framebuffer) of width × height pixels, as
@@ -100,30 +104,36 @@ gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, gui
                      int width, int height, GError **error);
 
 /* Returns the picture of viewer_draw() as linear light, width × height × 3 floats, top row first.
- * It is exposed, but the tone curve and rounding are not applied. Free it with g_free(). */
+ * The picture is exposed, but the tone curve and rounding are not applied. Free it with
+ * g_free(). */
 float *viewer_render_light(Viewer *viewer, const struct viewer_settings *settings, int width,
                            int height, GError **error);
 
 /* Returns linear reflectance before exposure and tone, without supersampling: width × height × 4
- * floats, top row first. The fourth is 0 where only the background is seen. The background is
- * already exposed. */
+ * floats, top row first. The fourth float is 0 where only the background is seen. Only the
+ * background is already exposed. */
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
                             int height, GError **error);
 
-/* Returns values with which the samples of a picture of viewer_render_linear() can be shaded
- * elsewhere. The fourth float is the same as in that picture. Texel: two coordinates in tiles, +y
- * along the texture's rows downwards, and 1 + the number of the material, or 0 on a back face. View
- * and light: unit vectors in the local frame. Lit: three values. The first is the share of the
- * lamp's light that arrives, 0 … 1. For a near lamp it is multiplied by the irradiance on a surface
- * that faces the lamp, relative to the irradiance at the origin. The second is the distance from
- * the mesh along the ray to the structure, and the third the distance from the eye to the mesh. The
- * lamp is the first lamp. If it is off, the first of the further lamps is used, if there is one. */
+/* The values of a sample that viewer_render_geometry() returns. */
 enum viewer_geometry {
+    /* Two texture coordinates in tiles, with +y along the texture's rows downwards. Then 1 + the
+     * number of the material, or 0 on a back face. */
     VIEWER_GEOMETRY_TEXEL,
+    /* Unit vector towards the eye, in the local frame. */
     VIEWER_GEOMETRY_VIEW,
+    /* Unit vector towards the lamp, in the local frame. */
     VIEWER_GEOMETRY_LIGHT,
+    /* First the share of the lamp's light that arrives, 0 … 1. For a near lamp, this share is
+     * multiplied by the irradiance on a surface that faces the lamp, relative to the irradiance at
+     * the origin. Then the distance from the mesh along the ray to the structure. Then the distance
+     * from the eye to the mesh. */
     VIEWER_GEOMETRY_LIT,
 };
+/* Returns three values of each sample of a picture of viewer_render_linear(), with which the sample
+ * can be shaded elsewhere: width × height × 4 floats, top row first. The fourth float is that of
+ * viewer_render_linear(). The lamp is the first lamp. If the first lamp is off, it is the first of
+ * the further lamps, if there is one. Free the result with g_free(). */
 float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error);
 

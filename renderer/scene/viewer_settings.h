@@ -9,18 +9,19 @@
 
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 /* A further lamp, infinitely far away or near. The light of a near lamp decreases with the square
- * of the distance, and its direction differs from point to point. As for the first lamp, brightness
- * 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near lamp, this
- * diffuser is at the origin. */
+ * of the distance, and comes from a different direction at each point. As for the first lamp,
+ * brightness 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near
+ * lamp, this diffuser is at the origin. */
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction of the lamp from the origin */
     float rgb[3];
     double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
-    /* Half the angle of a near lamp's cone of light, and the inner part of it in which the light
-     * does not decrease towards the edge (KHR_lights_punctual). If cone_deg is 0, the lamp shines
-     * in all directions. */
+    /* cone_deg is half the angle of a near lamp's cone of light. If it is 0, the lamp shines in all
+     * directions. inner_deg is half the angle of the inner cone, in which the light does not
+     * decrease towards the edge (KHR_lights_punctual). */
     double cone_deg, inner_deg;
-    double aim[3]; /* a point on the axis of the cone, in radii; not the position of the lamp */
+    /* a point on the axis of the cone, in radii of the mesh; not the position of the lamp */
+    double aim[3];
 };
 
 /* World coordinates are the coordinates of the mesh, with z up. Azimuths are from +x,
@@ -48,19 +49,19 @@ struct viewer_settings {
     /* Exposure in stops. At 0, a white diffuser that is lit along its normal has 0.8 of full
      * scale. */
     double exposure_ev;
-    /* Radiance of an even sky, relative to the light's irradiance / π. Its light is added
-     * everywhere, and is the only light in a shadow: ambient / π · L_a with L_a = ∫ T dω of Wang et
-     * al. 2005 §4.2. The paper shows L_a only in shadow. */
+    /* Radiance of an even sky, relative to the light's irradiance / π. The light of the sky is
+     * added everywhere. In a shadow it is the only light: ambient / π · L_a with L_a = ∫ T dω of
+     * Wang et al. 2005 §4.2. In the paper, L_a is only added in shadows. */
     double ambient;
     int samples; /* number of samples of a pixel in each direction */
     struct method_style style;
-    /* Silhouettes need an MDF (viewer_set_mdf()): a ray that misses the structure shows the surface
-     * behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes, the
-     * structure also casts and receives them (§4.2). */
+    /* With silhouettes, a ray that misses the structure shows the surface behind it (Wang et al.
+     * 2005 §4.1). Silhouettes need an MDF (viewer_set_mdf()). With shadows, the mesh casts shadows.
+     * With both, the structure also casts and receives shadows (§4.2). */
     gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
-    /* With silhouettes by the shell: measured views are moved along the surface before they are
-     * mixed (along.glsl). The reference does so, too, if it has an MDF
+    /* With silhouettes by the shell, measured views are moved along the surface before they are
+     * mixed (along.glsl). A reference also moves the views if it has an MDF
      * (reference_move_along_surface()). */
     gboolean along_surface;
     /* Angle that the first lamp covers in the sky, seen from the mesh. 0 gives sharp shadows. Other
