@@ -15,13 +15,13 @@ void gltf_move_normal(const struct gltf_transform *p, const float v[3], float re
 /* Returns the determinant. If it is negative, the transform mirrors. */
 double gltf_determinant(const struct gltf_transform *p);
 
-/* Reads a member that is an array of n numbers. Returns FALSE if it is not such an array. Some
- * values may have been set then. */
+/* Reads a member that is an array of n numbers. Returns FALSE if the member is missing or not such
+ * an array. Some elements of values may then be set. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
 /* Called for a node, or for a mesh of a file without scenes. p transforms from the node to the
- * world. node is NULL for meshes of a file without scenes. mesh is the index of the mesh, or −1 if
- * the node has none. */
+ * world. node is NULL for a mesh of a file without scenes. mesh is the index of the mesh, or −1 if
+ * the node has none. Returns FALSE with an error on failure. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
 /* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a

@@ -4,9 +4,9 @@
  * scene.h: lengths are as in the file. In the file y is up. Here z is up: (x, y, z) becomes (x, −z,
  * y).
  *
- * A mesh that several nodes name appears once for each node. A material has its factors and its
- * base colour texture, with the first texture coordinates. Other textures are ignored. Skins and
- * morph targets stay in their rest state.
+ * If several nodes refer to a mesh, it appears once for each node. A material has its factors and
+ * its base colour texture, with the first texture coordinates. Other textures are ignored. Skins
+ * and morph targets stay in their rest state.
  */
 #pragma once
 
@@ -25,7 +25,8 @@ struct gltf_material {
     float emission[3]; /* radiance that its front side emits */
     /* The file of the base colour texture, by which base is multiplied. NULL if there is none. */
     GBytes *picture;
-    /* Reason why that file could not be read; NULL if it was read or there is none. */
+    /* Reason why the file of the texture could not be read. NULL if it was read, or if there is no
+     * texture. */
     char *unread;
     enum gltf_wrap wrap[2]; /* of the picture, along u and v */
 };
@@ -42,7 +43,7 @@ struct gltf_part {
 enum gltf_lamp_kind { GLTF_LAMP_DIRECTIONAL, GLTF_LAMP_POINT, GLTF_LAMP_SPOT };
 struct gltf_lamp {
     enum gltf_lamp_kind kind;
-    double position[3], towards[3]; /* towards: unit vector along which its light goes */
+    double position[3], towards[3]; /* `towards` is the unit vector along which the light goes */
     /* Irradiance of a directional lamp, radiant intensity of others. */
     double rgb[3];
     /* Cone of a spot lamp: full light within the inner cone, none outside the outer one. */

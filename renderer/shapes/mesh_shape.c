@@ -7,8 +7,8 @@
 #define MIN_SCALE 1e-6f
 
 /* Sums over the triangles around a vertex. bend = (L, M, N) is fitted by least squares to the
- * changes of the normal along their edges: L a + M b = p and M a + N b = q. (a, b) is an edge and
- * (p, q) the change of the normal, along the tangent and the bitangent. */
+ * changes of the normal along the edges of the triangles: L a + M b = p and M a + N b = q. (a, b)
+ * is an edge, and (p, q) is the change of the normal, both along the tangent and the bitangent. */
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;

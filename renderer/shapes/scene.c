@@ -146,8 +146,8 @@ struct mesh *scene_sphere(void) {
     return grid("sphere", NULL, sphere_point, 128, 64, 6, 3);
 }
 
-/* Adds a flat end to a cylinder, facing up (side 1) or down (side −1). Its texels have about the
- * size of those on the cylinder. */
+/* Adds a flat end to a cylinder, facing up (side 1) or down (side −1). The texels of the end have
+ * about the same size as those of the side. */
 static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, double side) {
     guint first = mesh->n_vertices, at = mesh->n_indices;
     mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += n + 1);

@@ -13,8 +13,8 @@
 GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
-    /* The file is neither OBJ nor glTF, or damaged, or all its positions are the same, or
-     * --material names a material that it does not have, or names one twice. */
+    /* The file is neither OBJ nor glTF, or it is damaged, or all its positions are the same. Or
+     * --material names a material that the file does not have, or names a material twice. */
     SCENE_ERROR_FORMAT,
     SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
@@ -43,7 +43,7 @@ struct mesh {
     guint n_vertices;
     guint32 *indices; /* three for each triangle, counter-clockwise seen from outside */
     guint n_indices;
-    float radius;            /* largest distance of the mesh without its floor from the origin */
+    float radius;            /* largest distance of a point from the origin, without the floor */
     double tiles_u, tiles_v; /* suggested number of tiles */
     /* The last vertices and indices belong to a floor. The floor receives shadows and casts none.
      * It may extend beyond the radius and beyond the picture. */

@@ -1,12 +1,12 @@
 /*
  * A glTF scene of several materials as one mesh. Materials are bound by their names in the file.
- * The first binding has material 1, the second 2, and so on. Parts that no binding names have
- * material 0.
+ * The first binding has material 1, the second 2, and so on. A part with a material that no binding
+ * names has material 0.
  *
  * Lengths are as in the file. z is up, and the middle of the box around the objects becomes the
  * origin. A mesh belongs to the floor if it is flat, faces up, lies in the lower half of the box
- * around all meshes, and reaches to all four sides of that box. If this is true of all meshes,
- * there is no floor.
+ * around all meshes, and reaches to all four sides of that box. If all meshes meet these
+ * conditions, there is no floor.
  */
 #pragma once
 

@@ -7,8 +7,9 @@
 
 struct builder {
     GArray *vertices, *indices, *corners, *next;
-    gint32 *first; /* for each position, the last vertex that was made from it, or −1; next chains
-                      to the earlier ones */
+    /* for each position, the last vertex that was made from it, or −1; `next` leads to the earlier
+     * vertices of the same position */
+    gint32 *first;
 };
 
 void soup_init(struct soup *soup) {
@@ -105,8 +106,8 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
-/* Returns whether the winding of a polygon disagrees with its normals. The normals are taken as
- * correct then. */
+/* Returns whether the winding of a polygon disagrees with the normals of its corners. The caller
+ * then takes the normals as correct. */
 static gboolean wound_backwards(const struct soup *soup, const struct soup_corner *corners, int n) {
     float face[3], sum = 0.0f;
     polygon_normal(soup, corners, n, face);
@@ -118,7 +119,7 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
     return sum < 0.0f;
 }
 
-/* Returns the index of the vertex for a corner, which is added if there is none yet. Corners with
+/* Returns the index of the vertex for a corner. Adds the vertex if there is none yet. Corners with
  * the same position, texture coordinates, normal and handedness of the texture (sense, 1 or −1)
  * share a vertex. */
 static guint32 add_vertex(const struct soup *soup, struct builder *b,
@@ -203,8 +204,8 @@ static void add_polygon(const struct soup *soup, struct builder *b,
 }
 
 /* Completes the tangent of a vertex. own is the tangent in the file, or NULL if the file has none.
- * It takes precedence over the computed tangent. If there is neither, any direction along the
- * surface is used. */
+ * The tangent in the file takes precedence over the computed tangent. If there is neither, any
+ * direction along the surface is used. */
 static void finish_tangent(struct vertex *vertex, const float *own) {
     float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);

@@ -15,8 +15,8 @@ struct soup {
     /* float[4] for each position; [3] is 0 if the position has no tangent. Empty if the file has no
      * tangents. */
     GArray *tangents;
-    /* corners: struct soup_corner of all polygons, one polygon after the other; polygons: the
-     * number of corners of each polygon (int) */
+    /* `corners` has a struct soup_corner for each corner of all polygons, one polygon after the
+     * other. `polygons` has the number of corners of each polygon (int). */
     GArray *corners, *polygons;
     float *smooth; /* float[3] for each position: its normal, computed from the faces; not of unit
                       length */
