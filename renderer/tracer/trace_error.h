@@ -6,7 +6,7 @@
 #define TRACE_ERROR trace_error_quark()
 GQuark trace_error_quark(void);
 enum trace_error {
-    /* the scene lacks something, a name is not in it, or it or one of its pictures cannot be
+    /* the scene lacks something, such as a name, or the scene or one of its pictures cannot be
      * used */
     TRACE_ERROR_SCENE,
     TRACE_ERROR_MATERIAL, /* the file of a material cannot be used */

@@ -34,7 +34,7 @@ static struct vec3 path_local(const struct trace_hit *hit, struct vec3 d) {
 }
 
 /* Returns the weight of a sample by the power heuristic with β = 2. own is the density of the way
- * in which the sample was drawn, and other the density of the other way. */
+ * in which the sample was drawn. other is the density of the other way. */
 static double path_weight(double own, double other) {
     return own * own / (own * own + other * other);
 }
@@ -45,8 +45,9 @@ static void path_add(struct path *path, const double reflected[3], const double 
         path->light[c] += path->share[c] * reflected[c] * radiance[c] * factor;
 }
 
-/* Computes the reflectance for light from a direction. Returns FALSE if it is 0, or if the
- * direction is behind the triangle, which an interpolated normal may not show. */
+/* Computes the reflectance for light from a direction. Returns FALSE if the reflectance is 0, or if
+ * the direction is behind the triangle. An interpolated normal alone may not show that a direction
+ * is behind the triangle. */
 static gboolean path_reflects(const struct trace_hit *hit, struct vec3 view, struct vec3 towards,
                               double ret_rgb[3]) {
     if (vec3_dot(towards, hit->facet) <= 0.0)
@@ -144,17 +145,18 @@ static void path_look_for_lights(struct path *path, const struct trace_hit *hit,
         path_look_for_lamp(path, hit, view, &g_array_index(scene->lamps, struct gltf_lamp, k));
 }
 
-/* Adds the light that a path meets. drawn is the density with which its direction was drawn from
- * the surface, and other the density with which the light could have been sampled directly. drawn
- * is 0 for a ray of the camera, whose light cannot be sampled directly. */
+/* Adds the light that a path meets. drawn is the density with which the direction of the path was
+ * drawn from the surface. other is the density with which the light could have been sampled
+ * directly. drawn is 0 for a ray of the camera, because the light that it meets cannot be sampled
+ * directly. */
 static void path_take(struct path *path, const double radiance[3], double drawn, double other) {
     const double all[3] = {1.0, 1.0, 1.0};
     path_add(path, all, radiance,
              drawn > 0.0 && path->options->lamps_too ? path_weight(drawn, other) : 1.0);
 }
 
-/* Ends a path of little light at random (Russian roulette). Returns FALSE if the path ends, also
- * because no light is left. After a draw that it survives, path->share is increased to
+/* Ends a path of little light at random (Russian roulette). Returns FALSE if the path ends. A path
+ * without any light left always ends. If the path survives the draw, path->share is increased to
  * compensate. */
 static gboolean path_survives(struct path *path, int depth) {
     const double most = fmax(path->share[0], fmax(path->share[1], path->share[2]));

@@ -1,9 +1,9 @@
 /*
  * Path tracing (Kajiya 1986): the light that a camera sees, with any number of reflections. At each
  * point, the sky, one area and every point-like lamp are sampled, and a further direction is drawn
- * from the surface. Light of the sky and of areas is found in both ways, which are weighted by the
- * power heuristic (Veach & Guibas 1995). Paths end at random where little light is left, which does
- * not change any mean.
+ * from the surface. Light of the sky and of areas is found in both ways. The power heuristic
+ * weights the two ways (Veach & Guibas 1995). Paths end at random where little light is left, which
+ * does not change the expected value of a pixel.
  *
  * The same scene and options give the same picture with any number of threads.
  */
@@ -22,8 +22,8 @@ struct trace_options {
     int depth;   /* largest number of reflections */
     guint64 seed;
     enum trace_drawing drawing;
-    /* If FALSE, light is only found by following reflections, and point-like lamps give no light.
-     * For comparisons. */
+    /* If FALSE, for comparisons, light is only found by following reflections. Point-like lamps
+     * then give no light. */
     gboolean lamps_too;
 };
 
@@ -35,7 +35,8 @@ typedef struct trace_picture {
     int width, height;
     float *rgb; /* height × width × 3, radiance, top row first */
     /* height × width: variance of the luminance of a sample, estimated from all samples of the
-     * pixel. The variance of the pixel is this value / samples. It is 0 with 1 sample. */
+     * pixel. The variance of the pixel is this value divided by the number of samples. With one
+     * sample, this value is 0. */
     float *variance;
 } TracePicture;
 void trace_picture_free(TracePicture *picture); /* NULL is ignored */

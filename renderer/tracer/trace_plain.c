@@ -72,7 +72,7 @@ static struct vec3 plain_cosine(double a, double b) {
 }
 
 /* Draws a visible normal (Heitz 2018): stretches the view by alpha, draws a point of the hemisphere
- * around the stretched view, and stretches that point by alpha too. */
+ * around the stretched view, and also stretches that point by alpha. */
 static struct vec3 plain_visible_normal(double alpha, struct vec3 view, double a, double b) {
     const struct vec3 v = vec3_unit(vec3(alpha * view.x, alpha * view.y, view.z));
     const double flat = hypot(v.x, v.y);

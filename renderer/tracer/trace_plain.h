@@ -6,9 +6,9 @@
  *     F90 = s (1 − m) + m.
  * c is the base colour, m the metallic part, and s the specularFactor. D and G are the terms of GGX
  * with α = roughness², at least 0.001, and Smith's height-correlated masking (Heitz 2014). F_d is F
- * for m = 0. Light that is reflected at the surface does not reach the diffuser below it, neither
- * on the way in nor on the way out. Therefore no more light is reflected than arrives. With m = s =
- * 0, f is exactly c / π.
+ * for m = 0. The diffuser below the surface only gets the light that the surface does not reflect,
+ * on the way in and on the way out. These are the two factors 1 − F_d. Therefore no more light is
+ * reflected than arrives. With m = s = 0, f is exactly c / π.
  *
  * Directions are unit vectors in the frame of the surface, with z along its normal. All functions
  * are pure.

@@ -457,8 +457,8 @@ static gboolean scene_nearest(const TraceScene *scene, struct vec3 from, struct 
     return TRUE;
 }
 
-/* Returns whether the ray goes below the mesh and out again without meeting the relief. ret_from is
- * then the point where it continues. */
+/* Returns whether the ray goes below the mesh and out again without meeting the relief. If so,
+ * *ret_from is the point where the ray continues. */
 static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hit,
                              struct vec3 direction, struct vec3 *ret_from) {
     struct trace_hit back;

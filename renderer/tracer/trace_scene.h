@@ -14,8 +14,9 @@
 #include "shapes/gltf_scene.h"
 
 struct trace_camera {
-    struct vec3 eye, right, up, back; /* eye is a position, the others unit vectors; back points
-                                         from the scene to the camera */
+    /* `eye` is a position. The others are unit vectors. `back` points from the scene to the
+     * camera. */
+    struct vec3 eye, right, up, back;
     double fov_y_rad;
 };
 
@@ -28,7 +29,7 @@ struct trace_area {
 
 typedef struct trace_scene {
     GltfScene *gltf;
-    /* struct trace_surface: the materials of the file, then glTF's default */
+    /* of struct trace_surface: the materials of the file, and then the default material of glTF */
     GArray *surfaces;
     struct RTCDeviceTy *device; /* of Embree */
     struct RTCSceneTy *rays;    /* the triangles in Embree */
@@ -44,22 +45,24 @@ typedef struct trace_scene {
     struct trace_camera camera;
 } TraceScene;
 
-/* Reads a glTF file. The camera is read from the file. If the file has none, it is set by
- * trace_scene_look(). */
+/* Reads a glTF file. The scene has the camera of the file. If the file has no camera,
+ * trace_scene_read() sets a camera that sees the whole scene, from −90° azimuth and 30° elevation,
+ * with a field of view of 40°. */
 TraceScene *trace_scene_read(const char *path, GError **error);
 void trace_scene_free(TraceScene *scene); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
 
 /* Replaces all glTF materials of that name by the captured material `path`, a session or a file of
- * “mesorig compress”. It emits no light. Fails if there is no such name, if a mesh of it has no
- * texture coordinates, or if the material cannot be opened. tiles is the number of tiles of the
- * captured material in one unit of the texture coordinates. */
+ * “mesorig compress”. A captured material emits no light. Fails if no material has this name, if a
+ * mesh with such a material has no texture coordinates, or if the captured material cannot be
+ * opened. tiles is the number of tiles of the captured material in one unit of the texture
+ * coordinates. */
 gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
                                   double tiles, GError **error);
 /* Lets rays pass above the relief of the materials of this name, which must be captured materials.
- * At outlines the surface behind is then seen, and light passes at the edges of shadows. mdf is the
- * file of the distances. NULL means the file in the material's session. Fails if there are no
- * distances, or if the material does not state the size of a texel. */
+ * At outlines, the surface behind the relief is then seen. At the edges of shadows, light passes.
+ * mdf is the file of the distances. NULL means the file in the material's session. Fails if there
+ * are no distances, or if the material does not state the size of a texel. */
 gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
                                 GError **error);
 /* Sets the sky and takes ownership of it. NULL means black. */
@@ -74,8 +77,8 @@ void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_de
  * Returns FALSE if there is no surface. Any thread may call it. */
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret);
-/* Returns whether nothing lies between from and the point at this distance in this direction. With
- * distance INFINITY, that point is the sky. */
+/* Returns whether nothing lies between `from` and the point at this distance in this direction.
+ * With the distance INFINITY, returns whether the sky is visible in this direction. */
 gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                              double distance);
 /* Returns the point at which a ray leaves a surface towards direction. The point is moved off the

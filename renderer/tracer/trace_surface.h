@@ -15,12 +15,13 @@
 struct trace_surface {
     char *name; /* name in glTF; owned */
     struct trace_plain plain;
-    TraceTexture *texture;      /* multiplies plain's base; owned; NULL if there is none */
+    /* texture by which the base colour of `plain` is multiplied; owned; NULL if there is none */
+    TraceTexture *texture;
     char *warning;              /* reason why a texture of the file is not used; owned, or NULL */
     double emission[3];         /* radiance of its front side */
     mesorig_material *material; /* owned; NULL if the surface is plain */
     char *path;                 /* path of material; owned */
-    /* Number of tiles of material in one unit of the texture coordinates. */
+    /* Number of tiles of the captured material in one unit of the texture coordinates. */
     double tiles;
     gboolean has_relief; /* if FALSE, rays end on the mesh */
 };
@@ -44,8 +45,8 @@ struct trace_hit {
     struct mesorig_surface mesh; /* only on a surface with relief */
 };
 
-/* The distribution of drawn directions: the distribution of the material, or for comparison an even
- * distribution over the hemisphere. */
+/* How directions are drawn: by the distribution of the material, or, for comparison, evenly over
+ * the hemisphere. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
 /* Computes f cos θ_l: the radiance reflected towards view for a radiance from light, per solid

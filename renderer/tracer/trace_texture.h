@@ -14,7 +14,7 @@
 typedef struct trace_texture TraceTexture;
 
 /* Makes a texture. bytes is a PNG of any kind, whose alpha is ignored, or a JPEG in grey or colour.
- * The error is TRACE_ERROR_SCENE if the picture has another format, is damaged, or is larger than
+ * Fails with TRACE_ERROR_SCENE if the picture has another format, is damaged, or is larger than
  * TRACE_TEXTURE_MAX_SIDE in a direction. */
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
