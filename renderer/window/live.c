@@ -69,8 +69,8 @@ struct Live {
     GCancellable *stop;     /* the thread must end */
     LivePictures *pictures; /* belongs to the thread while one is running */
     gint64 due_us;          /* time from which pictures are read again */
-    /* number of views of the BTF in the last result, or in the one that is being computed; 0 if it
-     * is made from pictures */
+    /* number of views of the BTF in the last result, or in the result that is being computed; 0 if
+     * that result is made from pictures */
     int n_views;
     gboolean more_views;    /* whether the thread makes eigen-maps of the BTF */
     struct eigenmaps *maps; /* the result of the thread, or NULL */
@@ -119,8 +119,9 @@ static int count_marked(const GArray *has) {
     return n;
 }
 
-/* Reads the pictures, and makes eigen-maps of them unless the BTF has as many views. An error is
- * not an error of the session, which may have no lamps. */
+/* Reads the pictures, and makes eigen-maps of them unless the BTF has as many views. If the
+ * pictures cannot be read, makes no eigen-maps and reports no error, because a session may have no
+ * lamps. */
 static void read_pictures(Live *live) {
     g_autoptr(GError) unread = NULL;
     if (!live_pictures_read(live->pictures, live->stop, &unread)) {

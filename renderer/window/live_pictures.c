@@ -136,8 +136,9 @@ struct eigenmaps *live_pictures_eigenmaps(LivePictures *pictures, GCancellable *
     return maps;
 }
 
-/* Returns the number of further shots after which the error is expected to be below a share, or 0
- * if it will not be. Between the points of the forecast the error falls evenly. */
+/* Returns the number of further shots after which the error is expected to be below share, or 0 if
+ * the forecast does not reach share. Between the points of the forecast, the error is taken to fall
+ * evenly. */
 static double shots_until(const PartialForecast *forecast, double share) {
     int n;
     const struct partial_later *later = partial_forecast_later(forecast, &n);

@@ -1,7 +1,8 @@
 /*
- * The pictures of a session so far, and the prediction of the others (processing/partial), for the
- * window: as eigen-maps before processing has written a view, and as a line of text. The functions
- * take seconds. A LivePictures belongs to one thread at a time.
+ * For the window: the pictures of a session so far, and the prediction of the others
+ * (processing/partial). They are given as eigen-maps, which are needed before processing has
+ * written a view, and as a line of text. The functions take seconds. A LivePictures belongs to one
+ * thread at a time.
  */
 #pragma once
 
@@ -15,8 +16,8 @@ void live_pictures_free(LivePictures *pictures); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LivePictures, live_pictures_free)
 
 /* Reads the pictures that are new, and predicts the others. Returns whether any picture is new.
- * Returns FALSE with an error if the session cannot be read, has no pictures under lamps, or if
- * stop is cancelled. */
+ * Returns FALSE with an error if the session cannot be read, if it has no pictures under lamps, or
+ * if stop is cancelled. */
 gboolean live_pictures_read(LivePictures *pictures, GCancellable *stop, GError **error);
 
 /* Makes eigen-maps of all planned views, from measured and predicted pictures. There must be a
@@ -24,8 +25,8 @@ gboolean live_pictures_read(LivePictures *pictures, GCancellable *stop, GError *
 struct eigenmaps *live_pictures_eigenmaps(LivePictures *pictures, GCancellable *stop,
                                           GError **error);
 
-/* Returns a line such as “200 of 3600 pictures are measured. Expected error 4.1 % (3.6 to 4.7 %),
- * 2 % in about 6 min.”; g_free(). */
+/* Returns a line of text such as “200 of 3600 pictures are measured. Expected error 4.1 % (3.6 to
+ * 4.7 %), 2 % in about 6 min.” Free it with g_free(). */
 char *live_pictures_text(const LivePictures *pictures);
 
 /* Returns the number of planned views, or 0 before the first live_pictures_read(). */

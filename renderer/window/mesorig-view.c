@@ -27,7 +27,7 @@ struct studio {
     const char *material; /* path */
     const struct mesh *mesh;
     struct environment *environment; /* or NULL */
-    Viewer *viewer, *second;         /* second draws o->second; NULL if there is none */
+    Viewer *viewer, *second;         /* `second` draws o->second, or is NULL */
     Compose *compose;
     /* References for the materials of the viewer. The reference of the main material may be NULL.
      * If n_references is 0, the methods draw the pictures. */
@@ -38,7 +38,7 @@ struct studio {
     GPtrArray *files;         /* paths of written files */
     int n_replaced;           /* number of these files that replaced an existing one */
     double error;             /* error of the last frame against its reference */
-    int n_views, n_planned;   /* numbers of measured and of planned views of a live session */
+    int n_views, n_planned;   /* numbers of measured views and of planned views of a live session */
     struct measured measured; /* result of --measured */
 };
 

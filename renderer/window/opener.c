@@ -46,7 +46,7 @@ static void work(gpointer data, gpointer user_data) {
         glfwMakeContextCurrent(opener->context);
         gpu_watch();
         o->material = method_open(o->method, o->path, &o->error);
-        glFinish(); /* another context may read the new objects only after this */
+        glFinish(); /* the window's context may read the new objects only after this */
         glfwMakeContextCurrent(NULL);
     }
     exr_watch(NULL, NULL);

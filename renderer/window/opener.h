@@ -1,7 +1,7 @@
 /*
  * Opens materials in the background of a window. A thread reads the file and uploads it in a second
- * GL context, which shares textures with the window's. Meanwhile the window continues to draw. Jobs
- * run one after the other, in the order of opener_ask().
+ * GL context, which shares textures with the context of the window. Meanwhile the window continues
+ * to draw. Jobs run one after the other, in the order of opener_ask().
  */
 #pragma once
 
@@ -41,8 +41,8 @@ void opener_ask(Opener *opener, enum opener_place place, const struct method *me
 void opener_cancel(Opener *opener, enum opener_place place);
 
 /* Returns the next finished job that was not cancelled or replaced, or NULL if none has finished.
- * Does not wait. The caller owns the job, and sets each member to NULL that it takes out of it. A
- * finished job wakes the window's loop. */
+ * Does not wait. The caller owns the job. If the caller takes a member out of the job, it sets this
+ * member to NULL. A job that finishes wakes the loop of the window. */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 

@@ -9,8 +9,8 @@
 
 #define RECENT_MAX 9
 
-/* Returns the paths that this program has opened and that still exist, the latest first. There are
- * at most RECENT_MAX of them. Free the array with g_ptr_array_unref(). */
+/* Returns at most RECENT_MAX paths that this program has opened and that still exist, the latest
+ * first. Free the array with g_ptr_array_unref(). */
 GPtrArray *recent_list(void);
 
 /* Puts a file or folder at the front of the list. Errors are ignored, because the list is only a

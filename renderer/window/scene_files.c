@@ -23,7 +23,7 @@ static const struct method *session_method(const char *session) {
 }
 
 /* Returns the method that draws path. For a session, this is the given method. If no method was
- * named, or the given one needs no file, it is the session's own. */
+ * named, or if the given method needs no file, it is the method of method_of_session(). */
 static const struct method *scene_files_method(const struct method *method, gboolean named,
                                                const char *path, GError **error) {
     struct file_opened file;

@@ -13,15 +13,15 @@ enum series_error {
 
 #define SERIES_MAX 100
 
-/* Parses rising percentages from 1 to 100, such as "20,40,100". Returns their number, or 0 if text
- * is not such a list or has more than SERIES_MAX numbers. */
+/* Parses rising percentages from 1 to 100, such as "20,40,100". Returns how many there are, or 0 if
+ * text is not such a list or has more than SERIES_MAX numbers. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Blocks until at least one of the planned views, and percent % of them, are measured. Returns all
- * planned views, an array of struct planned_view; g_array_unref(). The session need not exist at
- * first. Fails with SERIES_ERROR_TIMEOUT after wait_s seconds without a new view, or with the error
- * of live_views() if the views cannot be read then. Fails with SERIES_ERROR_ENDED if the capture
- * has ended and was processed with fewer views. */
+/* Blocks until percent % of the planned views, and at least one of them, are measured. Returns all
+ * planned views, an array of struct planned_view. Free it with g_array_unref(). The session need
+ * not exist at first. Returns NULL with SERIES_ERROR_TIMEOUT after wait_s seconds without a new
+ * view, or with the error of live_views() if the views cannot be read then. Returns NULL with
+ * SERIES_ERROR_ENDED if the capture has ended and was processed with fewer views. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

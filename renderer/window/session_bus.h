@@ -3,6 +3,6 @@
 
 #include <glib.h>
 
-/* Returns whether there is a session bus. If there is none, GDBus would start a bus without other
- * clients. */
+/* Returns whether there is a session bus. Without a session bus, GDBus would start a bus that has
+ * no other clients. */
 gboolean session_bus_is_there(void);

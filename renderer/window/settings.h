@@ -10,7 +10,7 @@ enum setting_kind {
     SETTING_NUMBER, /* double */
     SETTING_WHOLE,  /* int */
     SETTING_FLAG,   /* gboolean */
-    SETTING_OTHER,  /* has separate code for the option, the control and the command */
+    SETTING_OTHER,  /* the option, the control and the command have code of their own */
 };
 
 enum setting_id {
@@ -61,22 +61,25 @@ struct setting {
     const char *option; /* name on the command line, without dashes */
     const char *label;  /* label in the panel; NULL if the setting is not in the panel */
     enum setting_kind kind;
-    gsize offset;                /* in struct viewer_options; unused for SETTING_OTHER */
-    double low, high;            /* range of the slider */
-    const char *format;          /* format of the slider, for printf() with a double */
-    const char *argument, *help; /* text for the option; help is NULL for SETTING_OTHER */
+    /* of the member in struct viewer_options; unused for SETTING_OTHER */
+    gsize offset;
+    double low, high;   /* range of the slider */
+    const char *format; /* format of the slider, for printf() with a double */
+    /* texts of the option in --help; `help` is NULL for SETTING_OTHER */
+    const char *argument, *help;
 };
 
 extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
-/* Fills ret with the option entries of all rows except SETTING_OTHER. The entries set fields of
- * options. ret must have room for SETTINGS entries, and gets no entry that ends the list. Returns
- * the number of entries. */
+/* Fills ret with the option entries of all rows except SETTING_OTHER. The entries set members of
+ * options. ret must have room for SETTINGS entries. The function adds no entry that ends the list.
+ * Returns the number of entries. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
-/* The size of a picture in pixels, its samples per pixel in each direction, the number of
- * settings.lamps that do not come from the environment, and whether the picture shows eigen-maps of
- * a session that is still being captured (live). */
+/* A picture for settings_command(). `width` and `height` are its size in pixels. `samples` is the
+ * number of samples per pixel in each direction. `n_lamps` is the number of settings.lamps that do
+ * not come from the environment. `live` says that the picture shows eigen-maps of a session that is
+ * still being captured. */
 struct settings_picture {
     int width, height, samples, n_lamps;
     gboolean live;

@@ -3,8 +3,8 @@
 #include "scene/picture.h"
 
 /* Returns the end of a path, because a recipient of the picture must not learn the full path on
- * this machine: for a file of a session the part "weave.session/products/eigenmaps.exr", and for
- * any other file its name. */
+ * this machine. For a product of a session, this is a part such as
+ * "weave.session/products/eigenmaps.exr". For any other file, it is the name of the file. */
 static char *shown_name(const char *path) {
     g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
     g_autofree char *folder_name = g_path_get_basename(folder);

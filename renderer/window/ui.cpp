@@ -36,8 +36,8 @@ const float ROUNDING = 4.0F, GRIP = 10.0F;
 float scale = 1.0F; /* see ui_scale() */
 
 /* Returns the factor for fonts and widgets. Where windows are measured in pixels, this factor is
- * the display's scale. Elsewhere the framebuffer is already larger than the window by that scale,
- * so the factor is 1. */
+ * the scale of the display. On other systems, the framebuffer is already larger than the window by
+ * that scale, so the factor is 1. */
 float scale_of(struct GLFWwindow *window) {
     float across = 1.0F, down = 1.0F;
     int width = 0, height = 0, pixels_across = 0, pixels_down = 0;

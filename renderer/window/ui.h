@@ -20,7 +20,7 @@ void ui_free(Ui *ui); /* NULL is ignored */
 void ui_begin(Ui *ui);
 void ui_end(Ui *ui); /* draws into the window's framebuffer */
 
-/* Return whether the actions of the mouse, or of the keyboard, are meant for a control. */
+/* Return whether the actions of the mouse, or those of the keyboard, are meant for a control. */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
@@ -29,10 +29,11 @@ gboolean ui_wants_keyboard(void);
  * multiplies a length by this factor if it should have the same size on each display. */
 float ui_scale(void);
 
-/* Begin a window of controls. ui_panel_begin(): a panel that fills a rectangle and scrolls.
- * ui_dialog_begin(): a dialog in the middle of a rectangle, of the given width if there is room,
- * and not higher than the rectangle. ui_bar_begin(): a line of text at the bottom of a rectangle;
- * takes_mouse FALSE lets the mouse reach the picture below it. ui_end_window() ends each. */
+/* These functions begin a window of controls, and ui_end_window() ends it. ui_panel_begin() begins
+ * a panel that fills a rectangle and scrolls. ui_dialog_begin() begins a dialog in the middle of a
+ * rectangle. The dialog has the given width if there is room, and is not higher than the rectangle.
+ * ui_bar_begin() begins a line of text at the bottom of a rectangle. With takes_mouse FALSE, the
+ * mouse reaches the picture below this line. */
 struct ui_box {
     float x, y, width, height;
 };
@@ -78,8 +79,8 @@ void ui_line(const char *name, char *text, gsize size, gboolean focus);
 /* Draws a 2D texture, which must exist until ui_end(). */
 void ui_picture(guint texture, float width, float height);
 
-/* Draws bars of red, green and blue over each other: n values of red, then of green, then of blue,
- * 0 … 1. */
+/* Draws bars of red, green and blue over each other. values are n values of red, then n of green,
+ * then n of blue, all 0 … 1. */
 void ui_histogram(const float *values, int n, float width, float height);
 
 /* The kinds of directions that ui_hemisphere() draws as dots on the hemisphere, seen from above.
@@ -89,9 +90,9 @@ struct ui_dot {
     double theta_deg, phi_deg;
     enum ui_dot_kind kind;
 };
-/* Draws the dots. Returns the index of the light's dot that the mouse holds, and in *ret_theta_deg
- * and *ret_phi_deg the direction on the upper hemisphere to which the mouse has dragged this dot,
- * or the dot's own direction until it is dragged. Returns −1 and sets neither if the mouse holds no
- * dot. */
+/* Draws the dots. If the mouse holds the dot of a light, returns the index of the dot.
+ * *ret_theta_deg and *ret_phi_deg are then the direction on the upper hemisphere to which the mouse
+ * has dragged the dot. They are the dot's own direction until it is dragged. If the mouse holds no
+ * dot of a light, returns −1 and does not set *ret_theta_deg and *ret_phi_deg. */
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg);

@@ -163,8 +163,8 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
         o->argument != NULL) { /* use the method of the file, or a method of the session */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* The window makes eigen-maps of the views that exist while a session is captured,
-             * unless there is a local PCA. Only eigen-maps have --live and --plain. */
+            /* While a session is captured, the window makes eigen-maps of the views that exist,
+             * unless there is a local PCA. --live and --plain are only for eigen-maps. */
             const struct method *made = method_of_session(o->argument);
             if (!o->live && !o->settings.plain && made != NULL &&
                 (o->render != NULL || made == method_find("lpca") || !has_views(o->argument)))

@@ -9,9 +9,11 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    /* mdf: the path as given; mdf_path: the path of the file that is read, which need not exist */
+    /* `mdf` is the path as given. `mdf_path` is the path of the file that is read; this file need
+     * not exist. */
     char *mdf, *mdf_path;
-    /* index: the index map as given, a file or the directory of a session; index_path: its file */
+    /* `index` is the argument of --index as given: a file or the directory of a session.
+     * `index_path` is the path of the file. */
     char *index, *index_path;
     /* normal map for methods that accept one; NULL keeps the normals of the method */
     char *normal_map;
@@ -20,7 +22,8 @@ struct viewer_options {
     char **materials; /* as given */
     struct scene_binding bindings[VIEWER_MAX_MATERIALS - 1];
     int n_bindings;
-    char *split, *difference; /* names of the second method as given; at most one is not NULL */
+    /* names of the second method as given; at least one of the two is NULL */
+    char *split, *difference;
     const struct method *second;
     struct compose compose;
     enum scene_up upward;                /* parsed from up */
@@ -29,8 +32,9 @@ struct viewer_options {
     char *series_text;                   /* the text of --series as given */
     int series[SERIES_MAX], n_series;    /* n_series percentages of the views */
     double wait_s;                       /* longest time without a new view in a series */
-    /* Numbers as given, or 0: pictures; frames after which the window closes; samples of a pixel in
-     * each direction; columns of a sheet */
+    /* Numbers as given, or 0. `frames` is the number of pictures. `close_after` is the number of
+     * frames after which the window closes. `supersample` is the number of samples of a pixel in
+     * each direction. `sheet` is the number of columns of a sheet. */
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, light_turn, camera_turn, json, sample, force;
     struct viewer_settings settings;
@@ -43,7 +47,8 @@ struct viewer_options {
 /* Initializes options before parsing. */
 void viewer_options_init(struct viewer_options *options);
 
-/* Sets the default brightness of the first lamp and of the even sky: 0 with an environment. */
+/* Sets the default brightness of the first lamp and of the even sky. Both are 0 with an
+ * environment. */
 void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
 /* Returns entries for an option group whose data are the options. Free them with g_free(). */

@@ -86,8 +86,8 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
     return glfw;
 }
 
-/* Computes the histogram. Counts are divided by that of the fullest bin. Their square roots are
- * shown, so that small bins stay visible. */
+/* Computes the histogram. Each count is divided by the count of the fullest bin. The square roots
+ * of these quotients are shown, so that small bins stay visible. */
 static void count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
@@ -200,8 +200,8 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
     return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
-/* Opens the requested shape. If this fails, opens the default shape and shows the reason, or fails
- * with close_after. */
+/* Opens the requested shape. If this fails, opens the default shape and shows the reason. With
+ * close_after, fails instead. */
 static gboolean set_first_shape(struct window *w, GError **error) {
     window_set_shape(w, w->now.shape, &w->now.settings);
     if (w->mesh != NULL)

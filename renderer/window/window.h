@@ -3,10 +3,10 @@
  * Dragging with the left button orbits, dragging with the right button moves the light, the wheel
  * zooms, and F1 shows all keys.
  *
- * The window follows a session. Products are opened again when they change. While the session has
- * no eigen-maps yet, the window makes eigen-maps of the existing views (live.h). Until a product
- * can be shown, the window shows a material that needs no file. If a file cannot be opened, the
- * window shows a sentence with the reason.
+ * The window follows a session. Products are opened again when they change. While there is no file
+ * of eigen-maps yet, the window itself makes eigen-maps of the existing views (live.h). Until a
+ * product or such eigen-maps can be shown, the window shows a material that needs no file. If a
+ * file cannot be opened, the window shows a sentence with the reason.
  */
 #pragma once
 

@@ -9,7 +9,8 @@
 #define MAX_FILES 5000 /* largest number of rows */
 
 struct files_row {
-    char *name, *shown; /* name: of the file; shown: text of the row, UTF-8 */
+    /* `name` is the name of the file, and `shown` the text of the row in UTF-8 */
+    char *name, *shown;
     gboolean is_folder, is_session;
 };
 
@@ -101,8 +102,7 @@ void window_files_clear(struct window *w) {
     g_free(files);
 }
 
-/* Returns the absolute path of name, which is a path relative to the folder, or an absolute
- * path. */
+/* Returns the absolute path of name. name is a path relative to the folder, or an absolute path. */
 static char *files_path(const struct window_files *files, const char *name) {
     g_autofree char *local = g_filename_from_utf8(name, -1, NULL, NULL, NULL);
     return g_canonicalize_filename(local != NULL ? local : name, files->folder);

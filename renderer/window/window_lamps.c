@@ -16,8 +16,8 @@ void window_relight(struct window *w) {
     w->stale = TRUE;
 }
 
-/* Sets the environment and takes ownership of it. NULL removes the environment; name is then also
- * NULL. */
+/* Sets the environment and takes ownership of it. If environment is NULL, removes the present
+ * environment; name is then also NULL. */
 void window_set_environment(struct window *w, struct environment *environment, const char *name) {
     struct viewer_settings *s = &w->now.settings;
     const gboolean had = w->environment != NULL, first = !w->first_open;
@@ -26,7 +26,9 @@ void window_set_environment(struct window *w, struct environment *environment, c
     w->now.environment = name != NULL ? g_string_chunk_insert_const(w->texts, name) : NULL;
     if (name != NULL && !g_strv_contains(environment_names, name))
         w->own_environment = w->now.environment;
-    if (first) { /* this environment is from the command line, which also gives its light */
+    /* this environment is from the command line, which also gives the brightness of the lamp and
+     * the sky */
+    if (first) {
         s->lamp = w->start->settings.lamp;
         s->ambient = w->start->settings.ambient;
     } else if (had != (environment != NULL)) {

@@ -6,8 +6,8 @@
 #include <gio/gio.h>
 #include <string.h>
 
-/* Returns a method for which the session has a product: the present method, or that of the session.
- * Returns NULL if there is none. */
+/* Returns the present method if the session has a product for it. Otherwise returns the result of
+ * method_of_session(), which is NULL if the session has no product. */
 static const struct method *method_of(const struct window *w, const char *session) {
     const struct method *method = w->now.method;
     g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
@@ -71,16 +71,16 @@ void window_open(struct window *w, const char *path) {
     file_opened_clear(&file);
 }
 
-/* Returns whether a session was given that does not have the product at path yet, so that
- * eigen-maps of the existing views are shown. */
+/* Returns whether a session was given at the start that does not have the product at path yet. The
+ * window then shows eigen-maps of the existing views. */
 static gboolean is_being_captured(const struct window *w, const char *path) {
     return w->session != NULL && w->start->method == methods[0] &&
            !g_file_test(path, G_FILE_TEST_EXISTS);
 }
 
 /* Returns whether MATERIAL of the command line has to be opened as a material. If MATERIAL is
- * another kind of file, it is opened here, and FALSE is returned. If MATERIAL cannot be opened, the
- * error is shown here, except with close_after: then TRUE is returned, because opening MATERIAL
+ * another kind of file, opens it and returns FALSE. If MATERIAL cannot be opened, shows the error
+ * and returns FALSE. With close_after, always returns TRUE, so that opening MATERIAL as a material
  * gives the error. */
 static gboolean has_material(struct window *w) {
     const struct viewer_options *o = w->start;

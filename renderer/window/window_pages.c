@@ -73,8 +73,8 @@ static void draw_keys(const struct window *w, struct ui_box picture) {
     ui_end_window();
 }
 
-/* An error stays until it is closed or until the same action succeeds; another message stays until
- * the next key or button. */
+/* An error stays until the user closes it, or until the same action succeeds. Any other message
+ * stays until the next key or button. */
 static void draw_message(struct window *w, struct ui_box picture) {
     gboolean closed = FALSE;
     ui_bar_begin(picture, w->is_error);

@@ -23,22 +23,23 @@ enum window_page { WINDOW_NO_PAGE, WINDOW_START, WINDOW_KEYS, WINDOW_FILES };
 struct window {
     struct GLFWwindow *glfw;
     const struct viewer_options *start; /* options with which the program was started */
-    /* The settings, methods and files that are shown. The strings belong to start, or to texts,
-     * which keeps them as long as the window lives. */
+    /* The settings, methods and files that are shown. The strings belong to `start` or to `texts`,
+     * and exist as long as the window. */
     struct viewer_options now;
     GStringChunk *texts;
     Ui *ui;
     Compose *compose;
     struct gpu_target scene; /* the picture without the panel */
-    /* Aspect of the picture that the camera's distance fits; 0 if none was drawn yet. */
+    /* Aspect (width / height) of the picture to which the camera's distance was fitted; 0 if no
+     * picture was drawn yet. */
     double aspect;
-    Viewer *viewer, *second; /* second: NULL until a second material has been opened */
+    Viewer *viewer, *second; /* `second` is NULL until a second material has been opened */
     struct mesh *mesh;
     /* The shape that was given or opened: a file, or the name of a computed shape. */
     const char *own_shape;
     char *session; /* directory of the session, or NULL */
-    /* Paths of the files that are shown. material is the name of a method that needs no file while
-     * that method is shown. */
+    /* Paths of the files that are shown. While a method that needs no file is shown, `material` is
+     * the name of that method. */
     char *material, *second_material;
     char *message;                    /* sentence that is shown to the user, or NULL */
     gboolean is_error;                /* message is an error, which stays until it is closed */
@@ -52,8 +53,8 @@ struct window {
     enum window_page page;
     /* Position and size of the window before full screen: x, y, width, height. */
     int before_full_screen[4];
-    /* Modification times in µs of the file that is shown, of the file that is being opened, and of
-     * the MDF */
+    /* Modification times in µs. `file_time` is that of the file that is shown, `asked_time` that of
+     * the file that is being opened, and `mdf_time` that of the MDF. */
     gint64 file_time, asked_time, mdf_time;
     gint64 looked_us; /* time at which window_follow() last checked the files */
     Live *live; /* computes eigen-maps of a session that is being captured; NULL if there is none */
@@ -61,13 +62,13 @@ struct window {
     struct eigenmaps *live_maps; /* the latest eigen-maps of live; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    /* MATERIAL that is being opened; NULL means the MATERIAL of `now`. */
+    /* MATERIAL that is being opened. NULL means the MATERIAL of `now`. */
     const char *asked_argument;
     gboolean first_open;           /* the material given at the start was opened, or has failed */
     enum compose_mode second_mode; /* mode that is set when the second material has been opened */
     gboolean outlines;             /* silhouettes are switched on when the MDF has been opened */
     struct mdf_source *mdf;        /* NULL if none was opened */
-    gboolean show_measured; /* the panel shows measured, as the picture in measured_texture */
+    gboolean show_measured; /* the panel shows `measured`; its picture is in `measured_texture` */
     struct measured measured;
     guint measured_texture;          /* 0 until a frame has been compared */
     struct environment *environment; /* NULL if there is none */
@@ -75,7 +76,7 @@ struct window {
     const char *own_environment;
     /* Number of further lamps that do not come from the environment. */
     int n_lamps;
-    /* The chosen lamp: 0 is the first, then the further lamps follow. n_lamps + 1 is the
+    /* The chosen lamp: 0 is the first lamp, 1 … n_lamps are further lamps, and n_lamps + 1 is the
      * environment. */
     int lamp;
     Chooser *chooser;
@@ -84,8 +85,8 @@ struct window {
     GPtrArray *recent;              /* list of WINDOW_START */
 };
 
-/* window_source.c: changes the materials, the MDF and the environment of the picture. An error is
- * shown as the message, and the picture stays as it was. */
+/* window_source.c: changes the materials, the MDF and the environment of the picture. After an
+ * error, the window shows a message, and the picture stays as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
@@ -96,8 +97,8 @@ void window_ask_mdf(struct window *w, const char *path);
 void window_ask_environment(struct window *w, const char *name);
 /* Shows a session that is being captured: first a demonstration, then eigen-maps of its views. */
 void window_watch_session(struct window *w, const char *session);
-/* Shows files that the opener has opened since the last call. Returns FALSE if the material given
- * at the start cannot be opened and the window has to close. */
+/* Shows files that the opener has opened since the last call. Returns FALSE with an error if a file
+ * given at the start cannot be opened and the window has to close (close_after). */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 
@@ -119,8 +120,8 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
 void window_draw_lamps(struct window *w); /* draws the panel's part for lamps */
 
-/* The number of frames that are drawn after an event. Several frames are needed, because the
- * windows of the panel take their size from their contents in the frame before. */
+/* The number of frames that are drawn after an event. Several frames are needed, because a window
+ * of controls takes its size from the contents that it had in the frame before. */
 #define WINDOW_FRAMES 3
 
 /* window_input.c */

@@ -32,7 +32,8 @@ void window_ask_environment(struct window *w, const char *name) {
     opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
 }
 
-/* Requests to open, for a method, the MATERIAL that is being opened or is shown. */
+/* Requests to open, for a method, the MATERIAL that is being opened. If none is being opened,
+ * requests the MATERIAL that is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     struct viewer_options options = w->now;
     if (w->asked_argument != NULL)
@@ -268,8 +269,9 @@ void window_compare_measured(struct window *w) {
                    : "only a session has measured pictures to compare with; open a session first");
 }
 
-/* Takes the latest eigen-maps of a session that is being captured, and shows them unless the user
- * has chosen another method. Stops following the session when the file of the eigen-maps exists. */
+/* Takes new eigen-maps of a session that is being captured, and shows them unless the user has
+ * chosen another method. If the file of the eigen-maps exists by then, stops following the
+ * session. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;
@@ -295,7 +297,8 @@ void window_follow(struct window *w) {
     if (now - w->looked_us < G_USEC_PER_SEC)
         return;
     w->looked_us = now;
-    if (!opener_is_busy(w->opener)) { /* otherwise the file may not be the one that is shown */
+    /* while a file is being opened, w->material may not be the file that is shown */
+    if (!opener_is_busy(w->opener)) {
         if (w->mdf_time > 0 && time_of(w->now.mdf_path) != w->mdf_time)
             ask_mdf(w);
         /* Processing replaces the file as a whole, so an existing file can always be read. */
