@@ -1,7 +1,7 @@
 // Interpolation between measured views along the surface, after the shell has said where a ray
-// ends. If the values of one texel are mixed, each view shows another point of the surface, and the
-// mixture has ghosts. Here each view k is read at the texel x_k in which it sees the end p of the
-// ray, at depth z below the foot f:
+// ends. If all views were read at the same texel, each view would show another point of the
+// surface, and the mixture would have ghosts. Here each view k is read at the texel x_k in which
+// this view sees the end p of the ray. p is at depth z below the foot f:
 //
 //   x_k = f + z · tangent of v_k             (xy of v_k divided by its z)
 //   q_k = (z − z_k(x_k)) / v_k.z / T         z_k: depths of the MDF; T: a texel
@@ -17,9 +17,9 @@ uniform sampler2D along_views;       // v_k
 uniform sampler2DArray along_depths; // depths as shares of along_mm, a layer per view
 uniform float along_mm;
 
-// A view with less weight than DROPPED is not evaluated, which saves a third of the time of three
-// views. UNSEEN keeps a mean of all views where no view sees p. SHORTER is that of
-// mdf/reprojection.c.
+// A view with less weight than DROPPED is not evaluated. This saves a third of the time that three
+// views take. Because of UNSEEN, the result is a mean of all views where no view sees p. SHORTER is
+// that of mdf/reprojection.c.
 const float DROPPED = 0.2, UNSEEN = 0.05, SHORTER = 0.7;
 
 vec3 shade_along(mat3 frame, ray_end end, float places_level, vec3 p, float lit) {

@@ -1,7 +1,8 @@
 // A neutral ground that fades into the distance, and darkens softly under the mesh.
 uniform mat4 projection;
 uniform vec3 eye;
-uniform vec3 foot;    // half the size of the mesh's footprint in x and in y, and its lowest z
+// half the size of the mesh's footprint in x and in y, and the lowest z of the mesh
+uniform vec3 foot;
 uniform float corner; // radius of the corners of the footprint, which is a rectangle
 uniform float radius; // radius of the mesh
 

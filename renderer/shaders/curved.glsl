@@ -1,5 +1,6 @@
-// The way of a ray below a curved mesh, as a way through the flat sample. Surfaces below the mesh
-// are parallel to it, and the length of a texture coordinate changes along the mesh.
+// Converts the way of a ray below a curved mesh to a way through the flat sample. The surfaces of
+// equal depth below the mesh are parallel to the mesh. The length of a step of 1 in a texture
+// coordinate changes along the mesh.
 in vec2 tile_size;
 in vec3 bending;
 in vec4 stretching;
@@ -8,7 +9,7 @@ uniform vec2 mdf_size; // size of a tile, mm
 
 const float MIN_GROWN = 0.25, MAX_GROWN = 4.0;
 
-// Returns the size of a millimetre of the sample on the mesh: along u, along v, and along the
+// Returns the length on the mesh of one millimetre of the sample: along u, along v, and along the
 // normal.
 vec3 mesh_mm() {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
@@ -16,8 +17,8 @@ vec3 mesh_mm() {
     return mm;
 }
 
-// The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
-// the foot, which is the nearest point of the mesh.
+// The state of a ray that is marched. The foot is the point of the mesh that is nearest to the ray.
+// The frame of tangent, bitangent and normal moves with the foot.
 struct marched {
     vec2 along;  // direction of the ray in the tangent plane
     float down;  // component of the direction towards greater depth
@@ -43,8 +44,8 @@ vec2 grown_at(vec2 foot) {
 }
 
 // Moves the ray further by dt, by the midpoint rule. The direction in the frame changes because the
-// frame turns: about an axis in the tangent plane by B, and about the normal because the lines of
-// the texture bend.
+// frame turns. It turns about an axis in the tangent plane because of B, and about the normal
+// because the lines of equal u and v bend.
 void march(inout marched m, mat2 b, vec3 mm, float dt) {
     vec2 turn = b * foot_step(b, m.along, m.depth);
     vec2 along = m.along + 0.5 * dt * m.down * turn;
@@ -70,8 +71,8 @@ uniform bool curved; // if FALSE, the ray ends where it enters
 const int END_STEPS = 3;
 const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and the v of a ray_end
 
-// The end of a ray. A straight ray into the flat sample that enters at texel, opposite to v, ends
-// at the same point.
+// The end of a ray. A straight ray that enters the flat sample at `texel`, in the direction
+// opposite to v, ends at the same point of the sample.
 struct ray_end {
     vec2 texel;
     vec3 v;

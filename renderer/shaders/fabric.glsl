@@ -3,7 +3,7 @@
 // see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
-// number of yarns per tile in each direction, slope across a yarn, slope along it
+// number of yarns per tile in each direction, slope across a yarn, slope along a yarn
 uniform vec3 weave;
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {

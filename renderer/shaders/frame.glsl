@@ -11,8 +11,8 @@ out vec4 colour;
 
 float ambient; // ambient_light, or 0 while a further lamp is evaluated
 
-// Returns the matrix from world to local coordinates. Its rows are the tangent t, b and the normal
-// n. b is the direction of the texture's +y, which is n × t or −n × t.
+// Returns the matrix from world to local coordinates. Its rows are the tangent t, the bitangent b
+// and the normal n. b is the direction of the texture's +y, which is n × t or −n × t.
 mat3 local_frame() {
     vec3 n = normalize(frame_n);
     vec3 t = normalize(frame_t.xyz - dot(frame_t.xyz, n) * n);

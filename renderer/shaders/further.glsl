@@ -1,5 +1,5 @@
 // Further lamps, and the share of the light of each that reaches a point. NEAR_LAMPS is defined if
-// one of them is not infinitely far away.
+// one of the further lamps is not infinitely far away.
 const int MAX_LAMPS = 64; // VIEWER_MAX_LAMPS
 
 uniform int n_lamps;
@@ -7,13 +7,14 @@ uniform vec3 lamp_colours[MAX_LAMPS];
 
 #ifdef NEAR_LAMPS
 uniform vec4 lamp_places[MAX_LAMPS]; // w = 1: position; w = 0: unit vector towards a far lamp
-// For a spot lamp: xyz is the direction of its light along the axis, and w is −cos outer. All four
-// are divided by (cos inner − cos outer). For other lamps, xyz is 0 and w is 1.
+// For a spot lamp: xyz is the direction along the axis in which the lamp shines, and w is −cos
+// outer. All four values are divided by (cos inner − cos outer). For other lamps, xyz is 0 and w is
+// 1.
 uniform vec4 lamp_cones[MAX_LAMPS];
 
-// Returns the unit direction from p towards lamp k. shines is the irradiance of the lamp at p on a
-// surface that faces it, relative to that at the origin without a cone. It decreases with the
-// square of the distance.
+// Returns the unit direction from p towards lamp k. shines is the irradiance at p on a surface that
+// faces the lamp. It is relative to the irradiance at the origin that the lamp would give without a
+// cone. It decreases with the square of the distance.
 vec3 towards_lamp(int k, vec3 p, out float shines) {
     vec4 place = lamp_places[k], cone = lamp_cones[k];
     shines = 1.0;
@@ -38,9 +39,9 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 #if LAMP_SHADOWS
 uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp
 
-// For far lamps, the unit vector of the map's +x, like shadow_right. For near lamps: the tangent of
-// half the angle of a map; the bias, relative to the distance; and the layer of the second of a
-// cube's six faces, or −1 for a single map around the axis.
+// For a far lamp: the unit vector of the map's +x, like shadow_right. For a near lamp: x is the
+// tangent of half the angle of a map. y is the bias, relative to the distance. z is the layer of
+// the second of a cube's six faces, or −1 if the lamp has a single map around its axis.
 uniform vec3 further_right[MAX_LAMPS];
 uniform vec3 further_range; // shadow_range (shadow.glsl) for far lamps
 

@@ -1,5 +1,5 @@
 // Lafortune et al. 1997: reflectance = ρ · n·l · (d + Σ_i max(0, C_x v_x l_x + C_y v_y l_y + C_z
-// v_z l_z)^n). Page 0 has the colour ρ and the diffuse part d, and page i the vector C_i and its
+// v_z l_z)^n). Page 0 has the colour ρ and the diffuse part d. Page i has the vector C_i and the
 // exponent n_i.
 vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l) {
     vec4 colour = page(texel, slice, 0);

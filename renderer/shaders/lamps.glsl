@@ -25,10 +25,10 @@ vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #endif
 }
 
-// Returns the radiance of a point p, which shows the sample at these places, under the first lamp
-// (of which the share lit arrives), the even sky and all further lamps. In the shadow of all lamps,
-// only the light of the sky remains: ambient / π · L_a (Wang et al. 2005 §4.2). NO_FIRST_LAMP is
-// defined if the first lamp and the sky give no light.
+// Returns the radiance of a point p, which shows the sample at these places, under the first lamp,
+// the even sky and all further lamps. lit is the share of the first lamp's light that arrives. In
+// the shadow of all lamps, only the light of the sky remains: ambient / π · L_a (Wang et al. 2005
+// §4.2). NO_FIRST_LAMP is defined if the first lamp and the sky give no light.
 vec3 shade(mat3 frame, places at, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
     vec3 sum = vec3(0.0);

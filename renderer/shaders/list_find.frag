@@ -1,12 +1,12 @@
 // Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
-// a pixel's list of faces. The list ends at the face that sure_front.frag has found. peel_back.frag
-// and peel_front.frag find the same face without lists, layer by layer.
+// a pixel's list of faces. The list ends at the face that sure_front.frag has found. Without lists,
+// peel_back.frag and peel_front.frag find the same face layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 out vec4 seen;
 
-// Returns the distance of the nearest back face beyond z (1e30 if there is none), and the distance
-// from there back to the structure.
+// Returns the distance of the nearest back face beyond z, or 1e30 if there is none, and the
+// distance from this face back to the structure.
 vec2 find_back(uint head, float z) {
     vec2 back = vec2(1e30, 0.0);
     for (uint at = head; at != 0u; at = faces[at - 1u].next) {

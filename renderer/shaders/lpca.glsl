@@ -16,9 +16,11 @@ uniform sampler2DArray
     skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
-ivec3 views, lights; // indices of the three measured views around v, and first columns of the three
-                     // measured lights around l
-vec3 g, h;           // barycentric weights of these views, and of these lights
+// `views` has the indices of the three measured views around v. `lights` has the first columns of
+// the three measured lights around l. g are the barycentric weights of the views, and h those of
+// the lights.
+ivec3 views, lights;
+vec3 g, h;
 
 ivec3 indices(samplerCube map, vec3 d) {
     return ivec3(textureLod(map, d, 0.0).rgb * 65535.0 + 0.5);
@@ -29,7 +31,8 @@ void prepare(vec3 v, vec3 l, float lit) {
     lights = indices(light_indices, l) * (N_COMPONENTS + 1);
     g = textureLod(view_weights, v, 0.0).rgb;
 #if ALONG
-    // v is a measured view (along.glsl), so the others have weights only because cells have a size.
+    // v is a measured view (along.glsl). The other views have weights only because the cells of the
+    // cube map have a size.
     g *= step(0.01, g);
     g /= dot(g, vec3(1.0));
 #endif

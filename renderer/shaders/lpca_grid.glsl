@@ -21,9 +21,10 @@ void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     b = less;
 }
 
-// Finds the simplex of the 4D grid cell that contains (v, l). From the first corner of the cell, it
-// steps along the coordinates in descending order of their fractions r. The weights are 1 − r_1,
-// r_1 − r_2, …, r_4.
+// Finds the simplex of the 4D grid cell that contains (v, l). The first corner of the simplex is
+// the first corner of the cell. Each further corner is one step along a coordinate from the corner
+// before, in descending order of the fractions r of the coordinates. The weights are 1 − r_1, r_1 −
+// r_2, …, r_4.
 void prepare(vec3 v, vec3 l, float lit) {
     vec4 place = vec4(square(v), square(l)) * float(n_grid - 1);
     vec4 base = min(floor(place), float(n_grid - 2)), r = place - base;

@@ -2,8 +2,9 @@
 // of a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS,
 // NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights; // four components per layer
-uniform usampler2D clusters; // clusters of a texel, of the texels to the right of it and below it,
-                             // and of the diagonal one
+// clusters of a texel, of the texel to the right, of the texel below, and of the texel to the right
+// of that
+uniform usampler2D clusters;
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
 
@@ -13,9 +14,9 @@ void prepare(vec3 v, vec3 l, float lit);
 vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
 #if LOG && AMBIENT
-// Returns the reflectance of a texel under the even sky. With logarithms it is not linear in the
-// weights, so it has its own texture. In other cases evaluate() includes the sky, and this function
-// returns 0.
+// Returns the reflectance of a texel under the even sky. With logarithms, this reflectance is not
+// linear in the weights, so it has its own texture. Without logarithms, evaluate() includes the
+// sky, and this function returns 0.
 vec3 sky_of(ivec2 texel, int level);
 #else
 vec3 sky_of(ivec2 texel, int level) {
@@ -95,8 +96,8 @@ vec3 btf_texel(vec2 x) {
 #elif N_LEVELS == 1
     return at_level(x, 0);
 #else
-    // Without a loop, because llvmpipe fetches all four pixels of a quad at the level of the first,
-    // and in a loop the first pixel may have stopped before.
+    // There is no loop here, because llvmpipe fetches all four pixels of a quad at the level of the
+    // first pixel. In a loop, the first pixel may have stopped before the others.
     float level = mip_level(x, textureSize(clusters, 0), N_LEVELS), part = fract(level);
     vec3 sum = (1.0 - part) * at_level(x, int(level));
     if (part > 0.0)

@@ -1,6 +1,6 @@
 // Transforms the half vector h to the frame of microfacets whose normal n is not the surface normal
 // z (Kang & Cho 2011). how is an enum method_rotation. Returns (w h_x², w h_y², h_n, w). The exact
-// rotation divides both tangent axes by √w, w = 1 − n_y². facet_shine() does that.
+// rotation divides both tangent axes by √w, with w = 1 − n_y². facet_shine() does this division.
 vec4 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)
@@ -9,7 +9,8 @@ vec4 facet_half(vec3 h, vec3 n, int how) {
     return vec4(p * p, z, how == 1 ? 1.0 : 1.0000001 - n.y * n.y); // not 0 if n = ±y
 }
 
-// Returns diffuse · n·l + specular · facet_shine(), in the frame whose x is the direction of U.
+// Returns diffuse · n·l + specular · facet_shine(). Vectors are in the frame in which x is the
+// direction of U.
 vec3 facet(vec3 diffuse, vec3 specular, vec2 rough, vec3 n, vec3 v, vec3 l, int how) {
     float nl = dot(n, l);
     if (nl <= 1e-4)

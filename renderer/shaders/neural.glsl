@@ -13,8 +13,8 @@ uniform vec2 height_scale;      // height of the byte 0, and step, in texels of 
 #define HIDDEN         8                    // groups of four rows of a layer
 #define SKY            3
 
-// The network (codecs/neural/neural_drawing.h). As constants, its weights are faster than as a
-// uniform block.
+// The network (codecs/neural/neural_drawing.h). Weights that are constants are faster than weights
+// in a uniform block.
 const mat4 first[HIDDEN * INPUTS] = mat4[HIDDEN * INPUTS](FIRST_WEIGHTS);
 const mat4 second[HIDDEN * HIDDEN] = mat4[HIDDEN * HIDDEN](SECOND_WEIGHTS);
 const mat4 third[2 * HIDDEN] = mat4[2 * HIDDEN](THIRD_WEIGHTS);
@@ -27,7 +27,7 @@ const int MAX_STEPS = 64, HALVINGS = 5;
 #define BTF_PREPARED
 vec3 prepared_v, prepared_l;
 float prepared_lit;
-vec4 prepared_rows[HIDDEN]; // what biases and planes contribute to the first layer
+vec4 prepared_rows[HIDDEN]; // contribution of the biases and planes to the first layer
 
 vec2 level_size; // width and height in texels of the level, which may lie between two levels
 float level;     // number of the level
@@ -52,7 +52,7 @@ void set_level(vec2 x) {
     level_top = height_scale.x * shrunk + level_range;
 }
 
-// Returns the place where the ray ends that meets the reference plane at p (step 1).
+// A ray meets the reference plane at p. Returns the place where this ray ends (step 1).
 vec2 ray_end_at(vec2 p) {
     vec2 w = vec2(prepared_v.x, -prepared_v.y) / max(prepared_v.z, 0.05);
     float n = clamp(ceil(4.0 * level_range * max(1.0, length(w))), 1.0, float(MAX_STEPS));

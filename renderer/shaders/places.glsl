@@ -5,14 +5,14 @@
 // PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
     int n;
-    vec2 x[4];      // in tiles of the sample; with hexagons, the first is in the nearest hexagon
+    vec2 x[4];      // in tiles of the sample; with hexagons, x[0] is in the nearest hexagon
     float share[4]; // weight of each place; the sum of the weights is 1
     int mean;       // index of the place that stands for the sample's mean; −1 if there is none
 };
 
 #if PLACES || CURVED
 // Derivatives of the surface point, in tiles. Places and the ends of rays (curved.glsl) jump from
-// pixel to pixel, so their derivatives would be meaningless.
+// pixel to pixel, so derivatives of these would be meaningless.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x) place_dx
 #define PLACE_DY(x) place_dy
@@ -56,7 +56,7 @@ uniform vec2 index_sample; // size of the sample in texels
 vec2 index_shift(ivec2 texel, int level) {
     ivec2 inside = texel - index_size * ivec2(floor(vec2(texel) / vec2(index_size)));
     inside +=
-        index_size * ivec2(lessThan(inside, ivec2(0))); // if the division was rounded towards zero
+        index_size * ivec2(lessThan(inside, ivec2(0))); // because the division rounds towards zero
     inside -= index_size * ivec2(greaterThanEqual(inside, index_size));
     ivec2 block = inside >> level;
     ivec2 from = ivec2(texelFetch(index_map, index_corners[level] + block, 0).rg);
@@ -158,7 +158,7 @@ vec2 endless_look_up(vec2 x, ivec2 vertex) {
 }
 
 // Finds the vertices of the triangle around a point, the nearest first, and the nearness of the
-// point to each.
+// point to each vertex.
 void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     vec2 q = x * endless_cells, p = vec2(q.x - 0.5 * q.y, q.y), base = floor(p), f = p - base;
     int far = f.x + f.y > 1.0 ? 1 : 0;

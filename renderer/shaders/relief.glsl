@@ -105,10 +105,10 @@ float depth_at(places at, vec3 d, float level) {
 #endif
 }
 
-// Returns the step on the mesh above a step x at this depth below a curved mesh. The distance
-// between two normals of the mesh changes by the factor 1 − depth · κ along each principal
-// direction with curvature κ, so the step is divided by this factor. Returns x below the depth at
-// which normals meet.
+// Returns the step on the mesh above a step x at this depth below a curved mesh. Along a principal
+// direction with curvature κ, the distance between two normals of the mesh changes by the factor 1
+// − depth · κ, so the step is divided by this factor. Below the depth at which normals meet,
+// returns x unchanged.
 vec2 texture_step(vec2 x, float depth) {
     mat2 shrunk = mat2(1.0) - depth * mat2(bending.x, bending.y, bending.y, bending.z);
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
@@ -121,8 +121,9 @@ float bend_along(vec3 v) {
 }
 
 // Returns the distance after which a ray is as deep as the deepest structure, or 1e30 if the ray
-// never is. Under a mesh of normal curvature bend, a straight ray is at depth t v_z − ½ bend t²
-// after a distance t. v is the unit vector outwards along the ray, in the frame of the mesh.
+// never gets so deep. Under a mesh of normal curvature bend, a straight ray is at depth t v_z − ½
+// bend t² after a distance t. v is the unit vector outwards along the ray, in the frame of the
+// mesh.
 float way_to_base(vec3 v) {
     float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mesh_mm().z;
     float root = slope * slope - 2.0 * bend_along(v) * deepest;
@@ -130,12 +131,12 @@ float way_to_base(vec3 v) {
 }
 
 // Returns where a ray meets the structure and the base. The ray is the parabola of way_to_base().
-// The MDF is tabulated only for straight rays over a flat surface, so CHORDS chords of this
-// parabola are tested, or one if the mesh is flat along the ray. All start where the ray enters.
-// The last one ends where the ray is as deep as the deepest structure, or at the deepest point of
-// the ray. A chord lies above the parabola, so a structure that the chord meets before its end is
-// also met by the ray. Along the texture, a chord has the length that texture_step() returns for
-// its far end, at the depth chord · end.
+// The MDF is tabulated only for straight rays over a flat surface. Therefore CHORDS chords of this
+// parabola are tested, or one chord if the mesh is flat along the ray. All chords start where the
+// ray enters. The last chord ends where the ray is as deep as the deepest structure, or at the
+// deepest point of the ray. A chord lies above the parabola, so a structure that the chord meets
+// before its end is also met by the ray. Along the texture, a chord has the length that
+// texture_step() returns for its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = mesh_mm();
     mm.xy = straight ? mm.zz : mm.xy;

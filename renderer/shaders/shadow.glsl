@@ -37,7 +37,7 @@ vec2 spiral(int k) {
 float soft_lamp_at(vec3 at) {
     float across = shadow_range.y * lamp_spread / (2.0 * shadow_radius); // of the map, per depth
     float most = across * at.z, sum = 0.0, n = 0.0;
-    // The points are denser near the place. Each counts by the area for which it stands.
+    // The points are denser near the place. Each point counts by the area for which it stands.
     for (int k = 0; k < LOOKS; k++) {
         float away = most * (float(k) + 0.5) / float(LOOKS);
         float blocker = textureLod(shadow_depths, at.xy + away * spiral(k), 0.0).r;

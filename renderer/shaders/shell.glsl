@@ -18,8 +18,8 @@ float level_of_detail() {
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
-// Returns g at x in the texture and at depth, a share of the shell's depth. Mip levels are coarser
-// along the texture only.
+// Returns g at x in the texture and at `depth`, which is a share of the depth of the shell. Mip
+// levels are coarser only along the texture.
 float shell_value(vec2 x, float depth, float layers, float level) {
     float w = clamp(depth * layers - 0.5, 0.0, layers - 1.0), upper = floor(w);
     return mix(textureLod(mdf_shell, vec3(x, upper), level).r,
@@ -38,8 +38,8 @@ vec2 shell_place(vec2 x) {
 }
 
 // Returns the distance after which a ray is at the depth d below a mesh of normal curvature k, or
-// 1e30 if the ray never is. slope is the cosine of the angle between ray and normal where the ray
-// enters.
+// 1e30 if the ray never gets so deep. slope is the cosine of the angle between ray and normal where
+// the ray enters.
 float distance_to_depth(float d, float slope, float k) {
     float c = 2.0 * d - k * d * d, root = slope * slope - k * c;
     return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : 1e30;
@@ -51,15 +51,15 @@ float bend_along(vec3 v, mat2 b) {
 }
 
 // Returns the distance after which a ray is as deep as the deepest structure, or 1e30 if the ray
-// never is. v is the unit vector outwards along the ray, in the frame of the mesh.
+// never gets so deep. v is the unit vector outwards along the ray, in the frame of the mesh.
 float way_to_base(vec3 v) {
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
     return distance_to_depth(mdf_deepest * mesh_mm().z, max(v.z, MIN_SLOPE), bend_along(v, b));
 }
 
 // Returns where a ray meets the structure and the base. v is the unit vector outwards along the
-// ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. The other
-// half of a ray that leaves again is marched from its other end.
+// ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. If the
+// ray leaves the mesh again, its other half is marched from its other end.
 below below_mesh(vec3 v, float level) {
     if (mdf_deepest <= 0.0)
         return below(0.0, 1e30); // a smooth surface
@@ -76,8 +76,8 @@ below below_mesh(vec3 v, float level) {
     vec3 voxels = vec3(size.xy / tile_size * abs(v.xy), size.z / deepest * slope);
     float longest = max(max(voxels.x, voxels.y), voxels.z) * (middle - from);
     // Far from an edge of the mesh, a ray that goes to the base from one side also goes to the base
-    // from the other side. What is found behind its back face then does not matter, and longer
-    // steps are enough.
+    // from the other side. What is found from the back face then does not matter, and longer steps
+    // are enough.
     float step = !gl_FrontFacing && base == middle ? BACK_STEP : STEP;
     int n = clamp(int(ceil(longest / step)), MIN_STEPS, MAX_STEPS);
     float dt = (middle - from) / float(n), hit = base == middle ? base : 1e30, sum = 0.0;

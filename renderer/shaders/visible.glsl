@@ -1,5 +1,6 @@
-// Decides which fragments are seen when the structure of the material counts; see visibility.h.
-uniform sampler2D seen;   // r: distance from the eye to the mesh; g: from there to the structure
+// Decides which fragments are seen if silhouettes show the structure of the material; see
+// visibility.h.
+uniform sampler2D seen;   // r: distance from the eye to the mesh; g: from the mesh to the structure
 uniform bool silhouettes; // if FALSE, all fragments are seen
 uniform float slack;      // tolerance of distances from the eye
 
