@@ -32,9 +32,10 @@ struct sim_axis {
     gboolean stalls;
     double from_deg, to_deg, speed0_deg_s; /* speed0_deg_s is the signed speed when braking began */
     gint64 start_us, end_us;
-    double speed_deg_s;             /* top speed of this movement */
-    gboolean turning;               /* axis_turn() is under way, so the position is reported */
-    double position_deg, slack_deg; /* slack: angle by which the load lags behind the motor */
+    double speed_deg_s; /* top speed of this movement */
+    gboolean turning;   /* axis_turn() is under way, so the position is reported */
+    /* slack_deg is the angle by which the load lags behind the motor */
+    double position_deg, slack_deg;
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct sim_axis, name)
@@ -90,8 +91,9 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Returns the position error at deg. 70 % of most_deg has one period per turn, like the error of an
- * eccentric bearing. 30 % changes every 0.001°, like the error of an uneven scale. */
+/* Returns the position error at deg. A part of at most 70 % of most_deg has one period per turn,
+ * like the error of an eccentric bearing. A part of at most 30 % changes every 0.001°, like the
+ * error of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
         return 0;
@@ -146,8 +148,8 @@ static void go_to(struct sim_axis *sim, double deg) {
     sim->position_deg = deg;
 }
 
-/* Returns the distance and, in *ret_speed, the speed after t seconds of a move over d degrees with
- * a trapezoidal speed profile. Both are positive. */
+/* Returns the distance after t seconds of a move over d degrees with a trapezoidal speed profile.
+ * *ret_speed is the speed at this time. Distance and speed are positive. */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
     double a = sim->motion.accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
@@ -161,8 +163,8 @@ static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
     return v * (t - ramp / 2);
 }
 
-/* Returns the position of the drive at now_us, and in *ret_speed its signed speed, or 0 if it
- * brakes or its motion has ended. The drive must be moving or braking. */
+/* Returns the position of the drive at now_us. *ret_speed is the signed speed of a moving drive, or
+ * 0 if the drive brakes or its motion has ended. The phase must be MOVING or BRAKING. */
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
     double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
     double sign = sim->to_deg < sim->from_deg ? -1 : 1;

@@ -208,8 +208,9 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Returns the random delay of a shot in µs, from 0 to jitter_ms, from a hash of the shot's number.
- * The hash uses integer arithmetic, so that it is the same on every machine. */
+/* Returns the random delay of a shot in µs, which is at most jitter_ms. The delay comes from a hash
+ * of the shot's number. The hash uses integer arithmetic, so that it is the same on every
+ * machine. */
 static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
     guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;

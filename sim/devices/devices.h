@@ -1,6 +1,6 @@
 /*
- * The simulated devices are drivers of every class that act on a World or look at it. They work in
- * real and in virtual time, have the delays that their options give, and can fail on request.
+ * The simulated devices are drivers of every class. They act on a World or look at it. They work in
+ * real time and in virtual time, have the delays that their options give, and can fail on request.
  * `mesorig drivers` describes every option. The axis is the simplest driver to read before you
  * write another.
  */
@@ -17,8 +17,8 @@
  * are the same position. */
 double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
 
-/* Return the time, on the rig's clock, until which a device neither obeys nor answers
- * (fault_dead_s). If that time has passed, the device works. */
+/* Return the time until which a device neither obeys nor answers (fault_dead_s). The time is on the
+ * rig's clock. If it has passed, the device works. */
 gint64 sim_laser_dead_until_us(const Laser *laser);
 gint64 sim_lamps_dead_until_us(const LampBank *bank);
 

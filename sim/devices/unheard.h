@@ -13,11 +13,11 @@ struct sim_unheard {
     int nth;       /* number of the command whose answer is lost; 0: none */
     double dead_s; /* time after command nth in which the device neither obeys nor answers */
     int n_commands;
-    gint64 dead_until_us; /* end of that time on the rig's clock */
+    gint64 dead_until_us; /* end of the time dead_s, on the rig's clock */
 };
 
-/* The options of a struct sim_unheard at the offset `at` of the driver's struct, for its table of
- * options. */
+/* The options of a struct sim_unheard, for the table of options of a driver. `at` is the offset of
+ * the struct sim_unheard in the driver's struct. */
 /* clang-format off */
 #define SIM_UNHEARD(at, field) ((at) + G_STRUCT_OFFSET(struct sim_unheard, field))
 #define SIM_UNHEARD_OPTIONS(at)                                                                    \
