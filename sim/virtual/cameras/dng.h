@@ -8,10 +8,11 @@
 #include <glib.h>
 
 struct dng {
-    int width, height;       /* size of the whole picture */
-    const guint16 *values;   /* height × width */
-    const char *cfa;         /* "rggb", or "mono" */
-    guint32 black[4], white; /* black: of each position in the 2 × 2 cell of the active area */
+    int width, height;     /* size of the whole picture */
+    const guint16 *values; /* height × width */
+    const char *cfa;       /* "rggb", or "mono" */
+    /* black is the level of each position in the 2 × 2 cell of the active area */
+    guint32 black[4], white;
     int top, left; /* origin of the active area, which extends to the last row and column */
     /* if not 0: the filter's pattern is written as repeat × repeat pixels, all green */
     int repeat;

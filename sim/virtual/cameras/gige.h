@@ -1,12 +1,12 @@
 /*
  * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in separate
- * threads and in real time. It has GVCP with discovery, registers, heartbeat and packet resend,
- * GVSP with test packets, and a GenICam file that it serves itself. The pictures come from the
- * function options->picture.
+ * threads and in real time. It has GVCP with discovery, registers, heartbeat and packet resend. It
+ * has GVSP with test packets. It serves its own GenICam file. The pictures come from the function
+ * options->picture.
  *
- * Aravis also has a fake camera. But that camera has no resend, no time stamp latch, no exposure
- * that takes time and no trigger line, and it does not answer on its control channel while it makes
- * a picture. With that camera, none of this could be tested.
+ * Aravis also has a fake camera. But the fake camera has no resend, no time stamp latch, no
+ * exposure that takes time and no trigger line, so these could not be tested with it. It does not
+ * answer on its control channel while it makes a picture.
  *
  * Any address of 127.0.0.0/8 can be used without setting up a network. Any thread may call these
  * functions, except virtual_gige_new() and virtual_gige_free().

@@ -48,8 +48,8 @@ struct VirtualGige {
     GThread *answerer;
 
     guint8 memory[GVBS_END];
-    gboolean has_controller, stolen; /* stolen: another program has taken control */
-    int down_ms;                     /* above 0 if a restart was requested: time without power */
+    gboolean has_controller, stolen; /* `stolen`: another program has taken control */
+    int down_ms;                     /* time without power of a restart that was requested, or 0 */
     struct sockaddr_in controller;
     gint64 heard_us; /* time of the last request of the controller */
     GRand *rand;

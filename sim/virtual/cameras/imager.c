@@ -93,9 +93,9 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* Makes picture->data: the chosen region of the sensor's picture (a ramp if options->picture is
- * NULL). shift, the change of BlackLevel in DN, is added. If processed is TRUE, values are
- * squared. */
+/* Makes picture->data from the chosen region of the sensor's picture, which is a ramp if
+ * options->picture is NULL. If processed is TRUE, values are squared, relative to full scale. Then
+ * shift is added, which is the change of BlackLevel in DN. */
 static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                  gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
@@ -149,9 +149,9 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
 }
 
 /* Exposes a picture, keeps it and sends it. Takes no picture if the format is not possible, if the
- * chosen region is not within the sensor, or if the acquisition ends before the exposure does. A
- * picture that is to be sent late is not sent if the acquisition ends before that. The mutex must
- * be locked; it is unlocked while the picture is made. */
+ * chosen region is not within the sensor, or if the acquisition ends before the exposure does. With
+ * the fault late_us, a picture is not sent if the acquisition ends before it is due. The mutex must
+ * be locked. It is unlocked during waits and while the picture is made. */
 static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,

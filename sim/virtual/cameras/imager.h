@@ -7,21 +7,23 @@
 #include "drivers/frame.h"
 
 struct virtual_exposure {
-    guint64 n;                    /* number of the picture since the camera was made, from 1 */
+    /* number of the picture, counted from 1 since the camera was made */
+    guint64 n;
     gint64 start_us, exposure_us; /* start_us is a time of g_get_monotonic_time() */
     double gain_db;
 };
 
-/* Fills ret_pixels with height × width values of the sensor, with its number of bits and the black
- * level options.black_level. Called in the camera's thread when an exposure is over. */
+/* Fills ret_pixels with height × width values of the sensor. The values have the sensor's number of
+ * bits, and the black level options.black_level. Called in the camera's thread when an exposure is
+ * over. */
 typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer data,
                                guint16 *ret_pixels);
 
 #define VIRTUAL_PROCESSING 16
 
-/* A function that alters pictures, as in makers' description files. While any of its registers
- * differs from its neutral value, brightness is squared. The struct must live longer than the
- * camera. */
+/* A camera function that alters pictures, as in the description files of makers. While any of its
+ * registers differs from its neutral value, brightness is squared. The struct must live longer than
+ * the camera. */
 struct virtual_processing {
     const char *xml; /* elements of a GenICam file, with a category ImageProcessing */
     /* Registers of 4 bytes from 0x1140 on. */
@@ -41,7 +43,7 @@ struct virtual_camera_options {
 };
 
 /* The faults that the function virtual_…_fail() sets. Members of type int, except mtu, are numbers
- * of pictures or triggers that are still affected. They decrease with each fault. */
+ * of pictures or triggers that are still affected. Each fault decreases its number by one. */
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle and cannot be resent */
     int blind;           /* triggers that are acknowledged but make no picture */
@@ -69,12 +71,14 @@ struct virtual_camera_faults {
 };
 
 struct virtual_camera_state {
-    gboolean controlled, acquiring, automatic; /* automatic: the camera sets its exposure itself */
-    int packet_size, pixel_format;             /* packet_size: only for GigE Vision */
+    /* `automatic`: the camera sets its exposure itself */
+    gboolean controlled, acquiring, automatic;
+    int packet_size, pixel_format; /* packet_size: only for GigE Vision */
     gint64 exposure_us;
     double gain_db, black_level;
-    gint64 triggered_us;           /* time of the last trigger that began an exposure */
-    guint64 triggers, missed;      /* missed: triggers that came during an exposure */
+    gint64 triggered_us; /* time of the last trigger that began an exposure */
+    /* `missed` is the number of triggers that came during an exposure */
+    guint64 triggers, missed;
     guint64 pictures;              /* number of pictures sent */
     guint64 packets, lost, resent; /* only for GigE Vision */
     guint processing;              /* bit i: register i of the processing is not neutral */

@@ -67,8 +67,8 @@ void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, i
                 *to++ = (guint8)(values[i] >> 8);
         }
         break;
-    /* GigE Vision's own packing: the high eight bits of two pixels, with the low bits of both
-     * between them. */
+    /* The packing of GigE Vision: the high eight bits of the first pixel, the low bits of both
+     * pixels, and the high eight bits of the second pixel. */
     case PACKED:
         for (gsize i = 0; i + 1 < n; i += 2) {
             guint low = kind->bits - 8u, rest = (1u << low) - 1;

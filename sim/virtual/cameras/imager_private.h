@@ -1,6 +1,6 @@
-/* This part of virtual GenICam cameras is the same on every bus. imager.c has registers, trigger,
- * exposure and pictures. imager_genicam.c makes the GenICam file that describes them, and
- * imager_pixels.c writes pictures as bytes. */
+/* The part of virtual GenICam cameras that is the same on every bus. imager.c has the registers,
+ * the trigger, the exposure and the pictures. imager_genicam.c makes the GenICam file that
+ * describes the registers. imager_pixels.c writes pictures as bytes. */
 #pragma once
 
 #include "imager.h"
@@ -96,8 +96,8 @@ void imager_stop(struct imager *imager);
 void imager_write(struct imager *imager, guint address, guint32 value);
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret);
 
-/* Returns a byte of the GenICam file, which begins at address GENICAM_AT. Returns 0 after its
- * end. */
+/* Returns the byte of the GenICam file at this address. The file begins at GENICAM_AT. Returns 0
+ * after the end of the file. */
 guint8 imager_xml_byte(const struct imager *imager, guint64 address);
 
 /* imager_genicam.c */
@@ -108,7 +108,7 @@ struct imager_xml {
 };
 
 struct imager_transport { /* the parts of the file that depend on the bus */
-    /* space: name space of the standard; features: names separated by spaces */
+    /* `space` is the name space of the standard. `features` has names separated by spaces. */
     const char *space, *endianness, *features;
     void (*add)(struct imager_xml *xml);
 };

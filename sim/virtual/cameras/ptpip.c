@@ -556,8 +556,8 @@ struct operation {
     GByteArray *sent; /* data that the computer has sent */
 };
 
-/* Carries out an operation. If the camera sends data, appends these to data and sets *ret_data.
- * Returns the response. */
+/* Carries out an operation, and returns the response. *ret_data says whether the camera sends data.
+ * These are appended to data. */
 static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GByteArray *data,
                     gboolean *ret_data) {
     const guint32 parameter = operation->parameters[0];
@@ -641,8 +641,8 @@ static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GBy
     }
 }
 
-/* Sends the data of an operation or, if half is TRUE, half of its first packet without an end.
- * Returns FALSE if the connection has ended. The mutex must not be locked. */
+/* Sends the data of an operation. If half is TRUE, sends only half of the first packet of the data,
+ * and no end packet. Returns FALSE if the connection has ended. The mutex must not be locked. */
 static gboolean send_data(int fd, guint32 transaction, const GByteArray *data, gboolean half) {
     const guint chunk = MAX_PACKET - 12;
     g_autoptr(GByteArray) start = g_byte_array_new();

@@ -15,15 +15,15 @@ typedef struct VirtualPtpip VirtualPtpip;
 struct virtual_ptpip_options {
     const char *host; /* address of the loopback interface; NULL means "127.0.0.1" */
     const char *serial;
-    int width, height, bits; /* bits: of a value of the raw file */
+    int width, height, bits; /* `bits` is the number of bits of a value of the raw file */
     enum cfa cfa;
     double black_level;     /* black level of the raw file */
     VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
     gpointer data;
     gboolean jpeg; /* pictures are JPEG: grey, sRGB */
     gboolean both; /* each picture is a JPEG and then a raw file */
-    /* with nikon: pictures go to the camera's memory, which has one picture: a new picture replaces
-     * one that was not copied */
+    /* With nikon: pictures go to the camera's memory, which holds one picture. A new picture
+     * replaces a picture that was not copied. */
     gboolean memory;
     gboolean nikon; /* speaks Nikon's dialect: other operations, and events that are polled */
 };
@@ -36,16 +36,17 @@ struct virtual_ptpip_faults {
     int blind;      /* triggers that are answered, but make no picture and no event */
     int incomplete; /* pictures without the event CaptureComplete */
     int unsaid;     /* pictures without the event ObjectAdded */
-    /* pictures whose event ObjectAdded is delayed by late_exposures times the shutter time */
+    /* `late` is the number of pictures with a late event ObjectAdded. The delay of the event is
+     * late_exposures times the shutter time. */
     int late;
     double late_exposures;
     gboolean complete_first; /* CaptureComplete is sent before ObjectAdded, not after it */
     gboolean same_name;      /* every picture has the same name, as after a reset of the counter */
-    int dropped;             /* downloads in whose middle all connections end */
-    int stalled;             /* downloads in whose middle the camera stops answering */
+    int dropped;             /* downloads that end in the middle, with all connections */
+    int stalled;             /* downloads in the middle of which the camera stops answering */
     gboolean full;           /* the card is full */
     gint64 slow_us;          /* delay from the trigger to the exposure */
-    /* a program that sets a shutter time gets the next one of the list */
+    /* if a program sets a shutter time, the camera takes the next shutter time of the list */
     gboolean neighbour;
     gboolean refuses;   /* the camera refuses connections by a PTP/IP packet */
     gboolean deaf;      /* the camera accepts connections and answers nothing */
@@ -78,6 +79,6 @@ void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret);
 void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso);
 
 /* Puts a file on the card, as if somebody had taken a picture by hand. The file is not a raw file.
- * date is the date of the file, such as "20200131T235959"; NULL means now. If says is TRUE, the
+ * date is the date of the file, such as "20200131T235959", or NULL for now. If says is TRUE, the
  * camera reports the file by an event. */
 void virtual_ptpip_put(VirtualPtpip *camera, const char *name, const char *date, gboolean says);

@@ -1,9 +1,9 @@
 /*
  * A virtual USB3 Vision camera behind umockdev's usbfs. Aravis reaches it through libusb, like a
- * real camera. It has a control channel for registers and a stream channel for leaders, payloads
- * and trailers, on bulk endpoints. It serves its GenICam file itself. The pictures come from the
- * function options->picture. An exposure takes its real time, in a separate thread of the camera. A
- * process sees the camera only after testbed_enter().
+ * real camera. It has bulk endpoints for two channels: a control channel for registers, and a
+ * stream channel for leaders, payloads and trailers. It serves its own GenICam file. The pictures
+ * come from the function options->picture. Exposures take place in real time, in a separate thread
+ * of the camera. A process sees the camera only after testbed_enter().
  *
  * Any thread may call these functions, except new, free, plug and unplug.
  */

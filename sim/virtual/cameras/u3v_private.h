@@ -62,9 +62,10 @@ struct VirtualU3v {
 
     guint8 memory[U3V_END];
     guint8 answer[U3V_MAX_TRANSFER];
-    int answer_size;           /* 0 if no answer waits */
-    gint64 answer_us;          /* time from which the answer can be read */
-    struct imager_picture out; /* picture that is being sent; its data is a copy; NULL at first */
+    int answer_size;  /* 0 if no answer waits */
+    gint64 answer_us; /* time from which the answer can be read */
+    /* picture that is being sent; `data` is a copy, or NULL before the picture was made */
+    struct imager_picture out;
     enum u3v_phase phase;
     gsize sent;                         /* bytes of the picture's payload that were sent */
     gboolean tailless, stunted, hollow; /* faults of this picture (imager.h) */
@@ -99,13 +100,13 @@ void u3v_reset(VirtualU3v *camera);
 /* Carries out a command of n bytes and makes its answer. An earlier answer that was not read is
  * lost. A command that is not understood is not answered. Returns n. */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n);
-/* Moves the waiting answer to data. Returns its length, -EAGAIN if no answer is due, or -EOVERFLOW
- * if size is too small. */
+/* Moves the waiting answer to data. Returns the length of the answer, -EAGAIN if no answer is due,
+ * or -EOVERFLOW if size is too small. */
 int u3v_answer(VirtualU3v *camera, guint8 *data, int size);
 
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
-/* Fills data with the next transfer. Returns its length, -EAGAIN if there is nothing to send, or
- * -EOVERFLOW if size is too small. */
+/* Fills data with the next transfer. Returns the length of the transfer, -EAGAIN if there is
+ * nothing to send, or -EOVERFLOW if size is too small. */
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
 void u3v_drop(VirtualU3v *camera); /* discards the rest of the picture that was not sent */

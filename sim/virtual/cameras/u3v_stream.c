@@ -19,8 +19,8 @@ void u3v_drop(VirtualU3v *camera) {
     camera->phase = U3V_IDLE;
 }
 
-/* Makes the latest picture available for reading, if the stream is on. What has not been read of
- * the previous picture is lost. */
+/* Makes the latest picture available for reading, if the stream is on. The part of the previous
+ * picture that has not been read is lost. */
 static void send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;

@@ -126,8 +126,8 @@ static int set_parm(VirtualV4l2 *camera, void *argument) {
     return get_parm(camera, argument);
 }
 
-/* With V4L2_CTRL_FLAG_NEXT_CTRL, the control with the next larger id is requested. The loop finds
- * this control first, because controls are sorted by id. */
+/* With V4L2_CTRL_FLAG_NEXT_CTRL, the program asks for the control with the next larger id. The loop
+ * finds this control first, because controls are sorted by id. */
 static int query_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_queryctrl *query = argument;
     guint32 id = query->id & ~V4L2_CTRL_FLAG_NEXT_CTRL;
@@ -289,9 +289,8 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
     return ENOTTY;
 }
 
-/* If the program that owns the buffers has closed the node or has ended, its stream ends, and its
- * buffers are freed. umockdev 0.17 emits no client-vanished, so this is done before the next ioctl
- * of another program. */
+/* If the program that owns the buffers has closed the node or has ended, ends the stream and frees
+ * the buffers. umockdev 0.17 emits no client-vanished, so this is done before each ioctl. */
 static void free_buffers_of_vanished(VirtualV4l2 *camera) {
     if (!camera->owner || umockdev_ioctl_client_get_connected(camera->owner))
         return;
@@ -403,8 +402,8 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    /* The camera does not have the control if one of these bits is set in config.lacks. 0: every
-     * camera has the control. */
+    /* If one of these bits is set in config.lacks, the camera does not have the control. If there
+     * are no bits (0), every camera has the control. */
     guint lacks;
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {

@@ -13,12 +13,12 @@
 typedef struct VirtualV4l2 VirtualV4l2;
 
 /* Computes the picture of the sensor. Called in the camera's thread at the end of an exposure.
- * number counts frames. ret_pixels receives height × width values below 2^bits. */
+ * number is the number of the frame since the stream began. ret_pixels receives height × width
+ * values below 2^bits. */
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-/* A virtual_v4l2_stamp says which moment the time stamps of frames mark, and which flag the frames
- * have. */
+/* Says which moment the time stamps of frames mark, and which flag the frames have. */
 enum virtual_v4l2_stamp {
     VIRTUAL_V4L2_START, /* start of the exposure, with the flag SOE (start of exposure) */
     /* time of the first data, but with the flag SOE, as with uvcvideo */
@@ -43,7 +43,7 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults giv
                           1 to 1000 */
     enum virtual_v4l2_stamp stamp;
     guint lacks;              /* controls that the camera lacks, an OR of VIRTUAL_V4L2_NO_… */
-    gboolean odd_gamma;       /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
+    gboolean odd_gamma;       /* gamma is from 0 to 31, not from 100 to 500 as in UVC */
     gboolean only_compressed; /* the camera offers only compressed formats */
     /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
      * the single-planar interface. */
@@ -55,7 +55,8 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults giv
 /* Makes a camera. Strings are copied. */
 VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config);
 
-/* Makes a camera of the world, with its size, bits, colours and pictures. */
+/* Makes a camera that shows the world as the camera of the world with this name. Size, bits and
+ * colours are those of the camera of the world. */
 VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, World *world,
                                     const char *camera, GError **error);
 void virtual_v4l2_free(VirtualV4l2 *camera); /* NULL is ignored */
@@ -83,6 +84,6 @@ void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 
 /* Returns the value of a control; -1 if it does not exist. */
 gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id);
-/* Returns the number of pictures that were made. Frames for which no buffer was queued are not
- * counted. */
+/* Returns the number of pictures that were made. No picture is made of a frame for which no buffer
+ * is queued when its exposure ends, and of frames with the fault SILENT. */
 int virtual_v4l2_n_exposed(VirtualV4l2 *camera);

@@ -62,8 +62,8 @@ gsize virtual_pixels_size(guint32 fourcc, int width, int height) {
     return virtual_pixels_stride(fourcc, width) * (gsize)height;
 }
 
-/* Packs a row as bytes, as words, or in groups. A group has the upper eight bits of each of its
- * pixels, and then the lower bits of all of its pixels. */
+/* Packs a row as bytes, as words, or in groups. A group has the upper eight bits of each pixel, and
+ * then the lower bits of all pixels. */
 static void pack_row(const struct layout *layout, const guint16 *from, int width, int shift,
                      guint8 *to) {
     int low = layout->bits - 8, per = layout->pixels;

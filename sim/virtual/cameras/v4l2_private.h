@@ -55,7 +55,7 @@ struct VirtualV4l2 {
     int n_threads;
     gint64 first_us;   /* time of frame 0; frame n begins n frame intervals later */
     gint64 changed_us; /* time when a control was last set */
-    /* exposure of frames that begin now; a change of the controls has its effect on it later */
+    /* exposure time of frames that begin now; changes of the controls change it later */
     gint64 exposure_us;
     double gain_db;
     guint16 *pixels; /* the latest picture */
@@ -65,8 +65,8 @@ struct VirtualV4l2 {
  * cameras and USB devices. The functions do not wait, because that thread must not wait. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
-/* Waits until no stream thread uses the camera any more. The mutex must be locked; the function
- * unlocks it while it waits. */
+/* Waits until no stream thread uses the camera any more. The mutex must be locked. It is unlocked
+ * while the function waits. */
 void virtual_stream_wait(VirtualV4l2 *camera);
 
 /* Returns the control with this id, or NULL if the camera lacks it. */

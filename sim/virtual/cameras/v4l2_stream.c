@@ -27,8 +27,8 @@ struct shot {
     guint32 fourcc;
 };
 
-/* Waits until time_us or the end of the stream. The mutex must be locked. Returns FALSE when the
- * stream has ended. */
+/* Waits until time_us or the end of the stream. The mutex must be locked. It is unlocked during the
+ * wait. Returns FALSE when the stream has ended. */
 static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
     while (camera->stream == stream && g_get_monotonic_time() < time_us)
         g_cond_wait_until(&camera->woken, &camera->mutex, time_us);
@@ -72,8 +72,9 @@ static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual
     buffer->state = BUFFER_DONE;
 }
 
-/* Makes the picture of a frame and delivers it. The mutex must be locked, and is unlocked while the
- * picture is made. Returns FALSE when the stream has ended. */
+/* Makes the picture of a frame, waits for the end of its data, and delivers it if a buffer is
+ * queued. The mutex must be locked. It is unlocked while the picture is made and while the function
+ * waits. Returns FALSE when the stream has ended. */
 static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
@@ -112,8 +113,9 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     return TRUE;
 }
 
-/* Takes the next frame whose exposure has not begun yet: waits until the frame is exposed, and
- * delivers it. The mutex must be locked. Returns FALSE when the stream has ended. */
+/* Waits for the next frame to begin and to be exposed, and delivers it. Delivers nothing if no
+ * buffer is queued, or if the fault SILENT is set. The mutex must be locked. It is unlocked while
+ * the function waits and while the picture is made. Returns FALSE when the stream has ended. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,
