@@ -20,9 +20,9 @@ const char *virtual_dmx_address(int i);
 struct virtual_dmx_options {
     gboolean sacn;
     const char *address; /* address of the node, such as that of virtual_dmx_address() */
-    int universe, n;     /* first universe, and number of universes */
+    int universe, n;     /* `universe` is the first universe, and `n` the number of universes */
     gboolean page_each;  /* Art-Net: each output in a reply of its own, as in Art-Net 4 */
-    gboolean multicast;  /* sACN: also joins the groups of its universes, at this address */
+    gboolean multicast;  /* sACN: also joins the multicast groups of its universes, at `address` */
     gboolean holds_last; /* sACN: keeps its levels after loss of data, as some receivers do */
 };
 
@@ -34,8 +34,8 @@ struct virtual_dmx_faults {
     gboolean cut;       /* nothing arrives, and nothing is sent */
     gboolean silent;    /* obeys, but does not answer */
     gboolean unplugged; /* the socket is closed, so the system refuses packets */
-    int lose;           /* every n-th packet to the node is lost; if it is 0, none is lost */
-    int lose_answers;   /* every n-th answer is lost */
+    int lose;           /* n: every n-th packet to the node is lost; 0: none is lost */
+    int lose_answers;   /* n: every n-th answer is lost; 0: none is lost */
     int late_ms;        /* delay of answers */
     guint8 state;       /* these bits of GoodOutputA are inverted */
     gboolean garbage;   /* sends packets that are no answers before each answer */

@@ -172,7 +172,7 @@ gboolean gcode_extend(VirtualGcode *board, const double *to, double units_s, gin
         square += pow(to[i] - board->from[i], 2);
         along += (to[i] - board->to[i]) * (board->to[i] - board->from[i]);
     }
-    /* Braking has not begun, and the end of the way lies further away. */
+    /* The motion can be prolonged if braking has not begun and the new end lies further away. */
     const gint64 ramp_us =
         (gint64)(MIN(board->units_s / board->units_s2, sqrt(board->way / board->units_s2)) * 1e6);
     if (board->motion != GCODE_MOVING || along < 0 || now > board->end_us - ramp_us ||

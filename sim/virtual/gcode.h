@@ -34,8 +34,9 @@ struct virtual_gcode_options {
     double units_s2;   /* acceleration, units/s² */
     double steps;      /* motor steps per unit */
     double home_at;    /* position after homing */
-    double switch_way; /* smallest way of homing, which determines its duration */
-    double max_travel; /* soft limits: positions between −max_travel and max_travel; 0: none */
+    double switch_way; /* shortest way of an axis during homing; the way determines the duration */
+    /* soft limits allow positions from −max_travel to max_travel; 0: no soft limits */
+    double max_travel;
     gboolean single_homing; /* GRBL: knows "$HX" */
     /* GRBL: $22=0; Klipper: SET_KINEMATIC_POSITION is unknown */
     gboolean homing_off;
@@ -56,18 +57,20 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGcode, virtual_gcode_free)
  * pseudo-terminal, as in /dev/serial/by-id. */
 const char *virtual_gcode_port(const VirtualGcode *board);
 
-/* The faults that virtual_gcode_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
- * damaged. If it is 0, no byte is lost or damaged. */
+/* The faults that virtual_gcode_fail() sets. If a member lose_… or damage_… is n, every n-th byte
+ * is lost or damaged. If it is 0, no byte is lost or damaged. */
 struct virtual_gcode_faults {
     gboolean cut;    /* nothing arrives, and nothing is sent */
     gboolean silent; /* obeys, but sends nothing */
     int late_ms;     /* delay of everything that is sent */
-    /* delay of the next "ok", for which all later lines wait; the board then sets it to 0 */
+    /* Delay of the next "ok". All later lines wait for this "ok". The board then sets the delay to
+     * 0. */
     int late_ok_ms;
     int lose_sent, damage_sent; /* bytes from the board to the program */
     int lose_received;          /* bytes from the program to the board */
     gboolean noise;             /* sends a line of noise before each line */
-    /* GRBL: error with which the next line is refused; the board then sets it to 0 */
+    /* GRBL: number of the error with which the next line is refused. The board then sets it to
+     * 0. */
     int error;
     gboolean no_hold;   /* GRBL: "!" has no effect */
     gboolean no_switch; /* homing does not find the switch */
@@ -84,7 +87,7 @@ void virtual_gcode_reset(VirtualGcode *board);
  * on. */
 void virtual_gcode_unplug(VirtualGcode *board);
 void virtual_gcode_plug(VirtualGcode *board);
-/* Moves an axis that stands, as by the buttons of a pendant. */
+/* Moves an axis that stands still, as the buttons of a pendant do. */
 void virtual_gcode_push(VirtualGcode *board, int axis, double units);
 /* Sends a line to the program. */
 void virtual_gcode_send(VirtualGcode *board, const char *line);
@@ -94,11 +97,12 @@ void virtual_gcode_receive(VirtualGcode *board, const char *bytes);
 struct virtual_gcode_state {
     double at[VIRTUAL_GCODE_AXES]; /* true positions of the axes */
     gboolean moving;
-    gboolean alarm;     /* locked by an alarm, halted or shut down by M112 */
+    gboolean alarm;     /* locked by an alarm, or halted or shut down by M112 */
     int max_unanswered; /* largest number of bytes in lines that had no answer yet */
     int n_overflows;    /* number of bytes that were lost because the buffer was full */
-    /* numbers of lines, resets, feed holds, homings, requests to send again, and calls of
-     * kill() or shutdowns of Klipper */
+    /* n_resends is the number of requests to send a line again. n_kills is the number of calls of
+     * kill() or of shutdowns of Klipper. The others are the numbers of lines, resets, feed holds
+     * and homings. */
     int n_lines, n_resets, n_holds, n_homings, n_resends, n_kills;
     /* number of motions that a reset, an alarm or M410 has ended without a ramp */
     int n_aborted;

@@ -137,9 +137,9 @@ static void ask_again(VirtualGcode *board, const char *why) {
     gcode_say(board, "ok");
 }
 
-/* Checks the line number and the checksum of a line that begins with N, and removes both. Other
- * lines stay as they are, but “M110 N” sets the number of the last line. Returns FALSE if the
- * program must send the line again. */
+/* Checks the line number and the checksum of a line that begins with N, and removes both. Does not
+ * change other lines. “M110 N” sets the number of the last line. Returns FALSE if the program must
+ * send the line again. */
 static gboolean unwrap(VirtualGcode *board, char *line) {
     int number, sum;
     char *star = strrchr(line, '*'), *blank = strchr(line, ' ');

@@ -1,6 +1,6 @@
 /* State and functions that the files of the virtual board share. gcode.c has the port and the
- * motion, gcode_grbl.c, gcode_marlin.c and gcode_klipper.c have the languages. All functions are
- * called with the mutex locked. */
+ * motion. gcode_grbl.c, gcode_marlin.c and gcode_klipper.c have the languages. Call all functions
+ * with the mutex locked. */
 #pragma once
 
 #include "gcode.h"
@@ -17,7 +17,8 @@ struct gcode_block {
 
 /* A language of the board. */
 struct gcode_language {
-    /* The board has been switched on, or (GRBL) reset with power FALSE. */
+    /* Called when the board has been switched on (power is TRUE), or when GRBL was reset (power is
+     * FALSE). */
     void (*boot)(VirtualGcode *board, gboolean power);
     void (*receive)(VirtualGcode *board, char byte);
     /* Carries out lines that were received. Is called about once per millisecond. */
@@ -55,11 +56,13 @@ struct VirtualGcode {
     gint64 start_us, end_us;
     guint homing_axes; /* a bit for each axis that homes */
 
-    GString *rx;        /* received bytes of lines that were not executed */
-    int alarm;          /* GRBL: number of the alarm, or 0; 1 after kill() or a shutdown */
+    GString *rx; /* received bytes of lines that were not executed */
+    /* GRBL: number of the alarm, or 0; other languages: 1 after kill() or a shutdown */
+    int alarm;
     gboolean locked_up; /* answers nothing until Ctrl-X */
-    gboolean door, check; /* GRBL: the safety door is open; moves are checked but not made (“$C”) */
-    gboolean waits;       /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
+    /* GRBL: `door`: the safety door is open. `check`: moves are checked but not made (“$C”). */
+    gboolean door, check;
+    gboolean waits; /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
     double feed;
     gboolean relative;
     int n_reports;    /* number of status reports */
@@ -67,10 +70,11 @@ struct VirtualGcode {
     gboolean pressed[VIRTUAL_GCODE_AXES];
     int last_line;  /* Marlin: number of the last line */
     gint64 busy_us; /* Marlin: time of the last "busy" */
-    /* Klipper: connected to its controllers; a bit for each axis that is homed */
+    /* Klipper: `ready`: it is connected to its controllers. `homed` has a bit for each axis that is
+     * homed. */
     gboolean ready;
     guint homed;
-    gboolean is_ahead; /* Klipper: the "ok" of a move is due when less motion is ahead */
+    gboolean is_ahead; /* Klipper: the "ok" of a move waits until less motion is ahead */
 };
 
 /* Sends a line to the program, with the faults that are set. */
@@ -79,9 +83,9 @@ void gcode_say(VirtualGcode *board, const char *format, ...) G_GNUC_PRINTF(2, 3)
 double gcode_speed(const VirtualGcode *board, gint64 now_us);
 /* Appends a move to the planned blocks, of which there must be fewer than GCODE_BLOCKS. */
 void gcode_add_block(VirtualGcode *board, const double *to, double units_s);
-/* Moves the target of the block under way further in the direction of the motion, as if no stop had
- * been planned at the old target. Begins a block after delay_us if the board stands. Returns FALSE
- * if neither is possible now. */
+/* If the board moves, moves the target of the block under way further in the direction of the
+ * motion, as if no stop had been planned at the old target. If the board stands still, begins a
+ * block after delay_us. Returns FALSE if neither is possible now. */
 gboolean gcode_extend(VirtualGcode *board, const double *to, double units_s, gint64 delay_us);
 /* Begins a feed hold: brakes the motion and keeps the planned blocks. */
 void gcode_brake(VirtualGcode *board);
@@ -90,7 +94,7 @@ void gcode_resume(VirtualGcode *board);
 /* Ends all motion without a ramp. Returns whether an axis was moving. */
 gboolean gcode_abort(VirtualGcode *board);
 void gcode_begin_homing(VirtualGcode *board, guint axes);
-/* Gives the position at the end of the last planned block in ret. */
+/* Sets ret to the position at the end of the last planned block. */
 void gcode_planned(const VirtualGcode *board, double *ret);
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size);
 

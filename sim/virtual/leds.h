@@ -28,8 +28,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualLeds, virtual_leds_free)
  * pseudo-terminal, as in /dev/serial/by-id. */
 const char *virtual_leds_port(const VirtualLeds *leds);
 
-/* The faults that virtual_leds_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
- * damaged. If it is 0, no byte is lost or damaged. */
+/* The faults that virtual_leds_fail() sets. If a member lose_… or damage_… is n, every n-th byte is
+ * lost or damaged. If it is 0, no byte is lost or damaged. */
 struct virtual_leds_faults {
     gboolean cut;                       /* nothing arrives, and nothing is sent */
     gboolean silent;                    /* obeys, but sends nothing */

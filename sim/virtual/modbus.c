@@ -184,8 +184,8 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* Carries out the actions of a request that libmodbus does not carry out in the mapping: pulses,
- * commands of the drive, and counters. */
+/* Carries out the effects of a request that go beyond the mapping of libmodbus: pulses, commands of
+ * the drive, and counters. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];
@@ -238,8 +238,9 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
     return made > 0 ? (int)recv(device->made[1], ret, MODBUS_TCP_MAX_ADU_LENGTH, MSG_DONTWAIT) : 0;
 }
 
-/* Carries out a request and makes the answer, with the faults that were set. Returns its length, or
- * 0 if there is no answer, and in *ret_hold_us the time by which the answer is delayed. */
+/* Carries out a request and makes the answer, with the faults that were set. Returns the length of
+ * the answer, or 0 if there is no answer. *ret_hold_us is the time by which the answer is
+ * delayed. */
 static int modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
                          gint64 *ret_hold_us) {
     struct virtual_modbus_faults *faults = &device->faults;

@@ -49,17 +49,17 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
 /* The faults that virtual_modbus_fail() sets. skip, late, damaged, silent, refused and lost are
- * counters. Each request that is affected decreases its counter by one; −1 never ends. While skip
- * is not 0, the other counters do not change. */
+ * counters. Each request that is affected decreases its counter by one. A counter of −1 never ends.
+ * While skip is not 0, the other counters do not change. */
 struct virtual_modbus_faults {
     int skip;          /* replies that are still correct */
-    int late, late_ms; /* replies that are sent late_ms after they were made */
+    int late, late_ms; /* number of replies that are sent late, and their delay late_ms */
     /* Replies with a wrong check sum (TCP: with the id of another transaction). */
     int damaged;
     int silent;             /* requests that are carried out but not answered */
-    int refused, exception; /* requests that are refused with this exception code */
-    /* Writes that are carried out but not answered. After each of them, no request arrives for
-     * dead_ms. */
+    int refused, exception; /* number of requests that are refused, and the exception code */
+    /* `lost` is the number of writes that are carried out but not answered. After each of them, no
+     * request arrives for dead_ms. */
     int lost, dead_ms;
     int delay_us;     /* delay of the wire, added to every reply */
     gboolean blocked; /* the motor cannot turn, although the drive reports that it moves */
@@ -77,10 +77,11 @@ struct virtual_modbus_state {
     gboolean moving, homed, faulty;
     gint64 began_us; /* time of g_get_monotonic_time() when the last motion began */
     gboolean coils[VIRTUAL_MODBUS_BITS];
-    /* numbers of requests, writes to the watchdog register, connections, and pulses */
+    /* numbers of requests, of writes to the watchdog register, of connections and of pulses */
     int requests, watchdogs, connections, pulses;
     int timeouts; /* number of times that the communication timeout has expired */
-    /* Length of the communication timeout or of the pulse that ended last. 0 if none has ended. */
+    /* Length of the communication timeout or of the pulse that has ended last; 0 if none has
+     * ended. */
     int expired_ms;
     /* Time of g_get_monotonic_time() when the line is usable again after a lost answer. 0 if no
      * answer has been lost. */
@@ -90,8 +91,7 @@ struct virtual_modbus_state {
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);
 
 void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on);
-/* Switches a coil without a request on the line, as if a program that has ended since had switched
- * it. */
+/* Switches a coil without a request on the line, as if an earlier program had switched it. */
 void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on);
 /* Sets the register VIRTUAL_MODBUS_PLAIN + index. */
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value);

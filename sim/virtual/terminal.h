@@ -1,14 +1,16 @@
 /*
- * The pseudo-terminal of a virtual device on a serial port. The port is a link to it, as in
- * /dev/serial/by-id. Functions set errno on failure. A struct belongs to one thread at a time.
+ * The pseudo-terminal of a virtual device on a serial port. The port is a symbolic link to the
+ * pseudo-terminal, as in /dev/serial/by-id. Functions set errno on failure. A struct belongs to one
+ * thread at a time.
  */
 #pragma once
 
 #include <glib.h>
 
 struct terminal {
-    int wire;  /* descriptor of the device, which does not block; −1 if it is unplugged */
-    int slave; /* other end of the wire, held open by the device; −1 if it is not held open */
+    /* the device's end of the wire, which does not block; −1 if the device is unplugged */
+    int wire;
+    int slave; /* other end of the wire, if the device holds it open; otherwise −1 */
     int kept;  /* other end of the wire that was unplugged last, or −1 */
 };
 

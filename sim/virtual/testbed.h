@@ -22,7 +22,7 @@ UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 
 /* testbed_connect() works like g_signal_connect(), for functions that umockdev's threads call.
- * testbed_disconnect() disconnects all functions with this data, and returns when their running
- * calls have ended. */
+ * testbed_disconnect() disconnects all functions with this data. It returns when no call of these
+ * functions is running any more. */
 void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback func, gpointer data);
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data);

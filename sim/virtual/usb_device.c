@@ -20,8 +20,8 @@
  * immediately. */
 #define IDLE_US 300
 
-/* Pause after a poll without a result of a device with bulk transfers. Other devices can be polled
- * meanwhile. */
+/* Pause after a poll without a result, for a device with bulk transfers. Other devices can be
+ * polled meanwhile. */
 #define PATIENT_MS 1
 
 enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };
@@ -34,9 +34,8 @@ struct VirtualUsb {
     char *node;
     UMockdevIoctlBase *handler;
     GMutex mutex;
-    GQueue flying; /* of struct flight */
-    gboolean
-        asked_again; /* a poll has found nothing since the last transfer was submitted or reaped */
+    GQueue flying;        /* of struct flight */
+    gboolean asked_again; /* a poll found nothing after the last transfer was submitted or reaped */
     enum virtual_usb_fault fault;
     int n_requests;
     guint8 *room; /* buffer for the data of a bulk transfer */
@@ -249,10 +248,11 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
     return due_us;
 }
 
-/* Answers a poll that found nothing, after a pause, because polls without a pause would use the
- * processor fully. A device with bulk transfers waits most of the time, and there may be eight such
- * devices. libusb polls until nothing is left, and submits nothing before that. Therefore the first
- * such poll is answered immediately, and the pause ends when a transfer is due. */
+/* Answers a poll that found nothing. The answer comes after a pause, because polls without a pause
+ * would use the processor fully. A device with bulk transfers waits most of the time, and there may
+ * be eight such devices. libusb submits nothing before a poll has found nothing. For such a device,
+ * the first poll that finds nothing is therefore answered immediately, and the pause ends when a
+ * transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;

@@ -2,8 +2,8 @@
  * Virtual USB devices, for tests and for mesorig-rig. Each is a model behind umockdev's usbfs,
  * which libusb uses like the kernel's usbfs. A process sees the devices only after testbed_enter().
  *
- * The functions of the models run in umockdev's thread, with the device locked. The functions of
- * this header lock the device while they use it.
+ * The functions of a model run in umockdev's thread, with the device locked. The functions of this
+ * header lock the device while they use it.
  */
 #pragma once
 
@@ -18,7 +18,7 @@ struct virtual_usb_class {
     const guint8 *config; /* configuration descriptor, including all descriptors in it */
     gsize config_size;
     /* Answers a control request. setup has 8 bytes, and data has the length that setup gives.
-     * Returns the number of bytes of data that are the answer, or -EPIPE to stall. */
+     * Returns the number of bytes of the answer, which are in data, or -EPIPE to stall. */
     int (*control)(gpointer model, const guint8 *setup, guint8 *data);
 
     /* The following members are optional. */
@@ -36,7 +36,7 @@ struct virtual_usb_class {
 enum virtual_usb_fault {
     VIRTUAL_USB_WELL,
     VIRTUAL_USB_STALLS, /* stalls every request of the class and every bulk transfer */
-    VIRTUAL_USB_SILENT, /* never answers requests of the class and bulk transfers */
+    VIRTUAL_USB_SILENT, /* never answers requests of the class or bulk transfers */
     VIRTUAL_USB_SHORT,  /* answers with half of the data */
 };
 

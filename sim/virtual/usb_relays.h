@@ -1,5 +1,5 @@
-/* A virtual USB relay board for tests and for mesorig-rig, which behaves like the firmware
- * (https://github.com/pavel-a/usb-relay-hid). */
+/* A virtual USB relay board, for tests and for mesorig-rig. It behaves like the firmware of
+ * https://github.com/pavel-a/usb-relay-hid. */
 #pragma once
 
 #include "usb_device.h"

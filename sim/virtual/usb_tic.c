@@ -52,7 +52,8 @@ static int errors(const VirtualTic *tic) {
         bits |= 1 << DEENERGIZED;
     if (tic->timeout_ms && tic->now_us - tic->command_us > tic->timeout_ms * 1000)
         bits |= 1 << TIMED_OUT;
-    /* Safe start lasts until the command "exit safe start", and comes back with any other error. */
+    /* The error safe start lasts until the command "exit safe start". It comes back with any other
+     * error. */
     if (tic->now_us > tic->safe_start_us)
         bits |= 1 << SAFE_START;
     return bits;

@@ -24,13 +24,13 @@ VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 
-/* Changes settings that an owner changes with Pololu's own programs. */
+/* Changes settings, as an owner does with the programs of Pololu. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
 /* Imitates another program that makes the Tic enter safe start. */
 void virtual_tic_enter_safe_start(VirtualTic *tic);
 void virtual_tic_lose_steps(VirtualTic *tic); /* the position becomes uncertain */
-/* Makes the forward switch stay pressed (TRUE), or work again (FALSE). */
+/* If blocked is TRUE, makes the forward switch stay pressed. Otherwise the switch works again. */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);
 void virtual_tic_cut_switches(VirtualTic *tic); /* the motor never finds a switch from now on */
 

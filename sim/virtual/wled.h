@@ -29,7 +29,7 @@ struct virtual_wled_faults {
     gboolean other;   /* says that it shows levels from another address */
     gboolean garbage; /* answers with a text that is not JSON */
     gboolean refuses; /* answers with status 500 */
-    int lose;         /* every n-th UDP packet is lost; if it is 0, none is lost */
+    int lose;         /* n: every n-th UDP packet is lost; 0: none is lost */
 };
 void virtual_wled_fail(VirtualWled *wled, const struct virtual_wled_faults *faults);
 /* Switches the controller on, as by its button. */
@@ -40,6 +40,7 @@ struct virtual_wled_state {
     gboolean lit, on;
     gboolean live; /* it shows the levels that came by UDP */
     int n_packets, n_damaged, n_gets, n_posts;
-    int n_returns; /* number of times that it returned to its own state because no packet came */
+    /* number of times that the controller returned to its own state because no packet came */
+    int n_returns;
 };
 void virtual_wled_state(VirtualWled *wled, struct virtual_wled_state *ret);

@@ -1,9 +1,9 @@
 /*
- * Connects the outputs of virtual devices to the simulated world, such as a relay that powers a
- * lamp or a motor that turns the table. Every virtual camera reads the same World, so a lamp that
- * is switched over one bus is seen by a camera on another bus.
+ * Connects the outputs of virtual devices to the simulated world. Examples are a relay that powers
+ * a lamp, and a motor that turns the turntable. Every virtual camera reads the same World, so a
+ * lamp that is switched over one bus is seen by a camera on another bus.
  *
- * The world runs in real time. Its microseconds are the time of g_get_monotonic_time(), as with
+ * The world runs in real time. Its times are those of g_get_monotonic_time(), in µs, as with
  * clock_new_real(). A part is found in the main thread, and may then be used by any thread.
  */
 #pragma once

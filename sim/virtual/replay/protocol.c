@@ -16,7 +16,7 @@ static char *hex(const guint8 *bytes, gsize n) {
     return g_string_free(to, FALSE);
 }
 
-/* Lines. An empty line is ignored, because it only ends noise. */
+/* Protocols of lines. An empty line is ignored, because it only ends noise. */
 static gsize cut_line(const char *bytes, gsize n) {
     const char *end = memchr(bytes, '\n', n);
     return end ? (gsize)(end - bytes) + 1 : 0;
@@ -125,7 +125,7 @@ static gboolean has_address(const char *sections, const char *key, gulong addres
     return FALSE;
 }
 
-/* Writes that keep a watchdog from acting come again and again. */
+/* Writes to a watchdog come again and again, so each address has a stream. */
 static char *stream_modbus(const guint8 *key, gsize n, const char *sections) {
     const gulong address = n > 3 ? (gulong)(key[2] << 8 | key[3]) : 0;
     if (n > 3 && key[1] < FIRST_WRITE)
@@ -137,7 +137,7 @@ static char *stream_modbus(const guint8 *key, gsize n, const char *sections) {
     return g_strdup("");
 }
 
-/* DMX512 by UDP. Levels of a universe are a stream. */
+/* DMX512 by UDP. The levels of each universe are a stream. */
 static gboolean is_sacn(const guint8 *bytes, gsize n) {
     return n == 638 && memcmp(bytes + 4, "ASC-E1.17", 9) == 0;
 }

@@ -1,34 +1,35 @@
-/* This module has what a replayer must know about the protocol of a bus. Any thread may call the
- * functions. */
+/* What a replayer must know about the protocol of a bus. Any thread may call the functions. */
 #pragma once
 
 #include <glib.h>
 
 struct replay_protocol {
-    const char *kind;         /* kind of bus, such as "serial" */
-    const char *const *words; /* the sections of the bus contain one of them; NULL for any */
+    const char *kind; /* kind of bus, such as "serial" */
+    /* the protocol is for rig files that contain one of these words; NULL: for any rig file */
+    const char *const *words;
 
-    /* Returns the length of the first request of a stream, or 0 if it is not complete. NULL if each
-     * message is a request. */
+    /* Returns the length of the first request in bytes, or 0 if the request is not complete. The
+     * pointer is NULL if each message is one request. */
     gsize (*cut)(const char *bytes, gsize n);
 
-    /* Returns the request without what changes from run to run, such as its number;
-     * g_bytes_unref(). Returns NULL if the request is to be ignored. */
+    /* Returns the request without the parts that change from run to run, such as its number. Free
+     * it with g_bytes_unref(). Returns NULL if the request must be ignored. */
     GBytes *(*key)(const guint8 *bytes, gsize n);
 
-    /* Returns the name of the stream of a request; g_free(). Streams are polls, writes to a
-     * watchdog, and levels that are sent again and again. A request that repeats the last one of
-     * its stream is no news: it may come more often or less often than in the recording, as long as
-     * its answer does not change. Commands are in the stream "", in which everything is news.
-     * sections is the text of the rig file's sections. */
+    /* Returns the name of the stream of a request. Free it with g_free(). Streams are polls, writes
+     * to a watchdog, and levels that are sent again and again. A request that repeats the last
+     * request of its stream is no news. It may come more often or less often than in the recording,
+     * as long as its answer does not change. Commands are in the stream "", in which every request
+     * is news. sections is the text of the rig file's sections. */
     char *(*stream)(const guint8 *key, gsize n, const char *sections);
 
-    /* Returns whether a message is an answer to this request, and not one that the device sends by
-     * itself or to another request. NULL if every message up to the next request is an answer. */
+    /* Returns whether a message is an answer to this request. Otherwise the device sends the
+     * message by itself, or as the answer to another request. The pointer is NULL if every message
+     * up to the next request is an answer. */
     gboolean (*answers)(const guint8 *request, gsize n, const guint8 *message, gsize size);
 
-    /* Returns the message with the number of the request; g_bytes_unref(). NULL if messages have no
-     * numbers. */
+    /* Returns the message with the number of the request. Free it with g_bytes_unref(). The pointer
+     * is NULL if messages have no numbers. */
     GBytes *(*adapt)(GBytes *message, const guint8 *request, gsize n);
 };
 

@@ -7,12 +7,13 @@
 struct recorded_line {
     int number; /* line of the file, from 1 on */
     gint64 at_us;
-    /* A message or a note: number of the bus, from 1 on, and '>' (to the device), '<' or '-' (note,
-     * whose text is bytes). 0 and 0 for a line of a device. */
+    /* For a message or a note, `bus` is the number of the bus, from 1 on. `way` is '>' for a
+     * message to the device, '<' for a message from the device, and '-' for a note. `bytes` is the
+     * message, or the text of the note. For a line of a device, `bus` and `way` are 0. */
     int bus;
     char way;
     GBytes *bytes;
-    char *who, *text; /* of a line of a device: "axis turntable", "move to 5.0000" */
+    char *who, *text; /* for a line of a device, such as "axis turntable" and "move to 5.0000" */
 };
 
 struct recorded {

@@ -19,9 +19,11 @@
 
 #define TICK_MS     5
 #define MAX_REQUEST 65536
-#define GREETING_MS 100 /* after the port was opened; a driver drops what came before that */
-#define MBAP_SIZE   6   /* of the head of Modbus TCP, before the unit */
-#define COMPUTER    0   /* number of its address (virtual_dmx_address()); devices have 1 to 7 */
+/* time from the opening of the port to the greeting; a driver drops what comes earlier */
+#define GREETING_MS 100
+#define MBAP_SIZE   6 /* bytes of the head of Modbus TCP, before the unit */
+/* number of the computer's address (virtual_dmx_address()); devices have 1 to 7 */
+#define COMPUTER    0
 #define MAX_DEVICES 7
 
 struct bus {
@@ -33,7 +35,8 @@ struct bus {
     struct terminal terminal;
     int listens, fd; /* −1 if there is none */
     int http_port;
-    gint64 opened_us; /* serial: time when the port was opened; 0 while it is closed */
+    /* serial: time when the port was first opened; 0 before that; −1 after the greeting */
+    gint64 opened_us;
     GByteArray *input;
     struct virtual_usb_class usb_class;
     char *usb_name;
@@ -76,7 +79,8 @@ static void write_message(int fd, GBytes *message) {
     write_all(fd, bytes, n);
 }
 
-/* Answers with the head of the request: its transaction, and the length of the answer. */
+/* Sends an answer with a head that has the transaction of the request and the length of the
+ * answer. */
 static void write_modbus(int fd, const guint8 *request, GBytes *message) {
     gsize n;
     const guint8 *bytes = g_bytes_get_data(message, &n);
@@ -106,8 +110,8 @@ static void write_http(int fd, GBytes *message) {
     write_all(fd, (const guint8 *)whole, strlen(whole));
 }
 
-/* Returns the length of a request by HTTP, or 0 if it is not complete. *ret_text is the request as
- * it is recorded; g_free(). */
+/* Returns the length of a request by HTTP, or 0 if the request is not complete. *ret_text is the
+ * request in the form of a recording. Free it with g_free(). */
 static gsize cut_http(const char *bytes, gsize n, char **ret_text) {
     const char *body = g_strstr_len(bytes, (gssize)n, "\r\n\r\n");
     if (!body)
@@ -266,8 +270,8 @@ static int on_usb(gpointer model, const guint8 *setup, guint8 *data) {
     return (int)n;
 }
 
-/* Makes the device of a note "1ffb:00b5 Tic T834". Its only interface is vendor-specific, or that
- * of a HID for a device with a name that begins with USBRelay. */
+/* Makes the device of a note such as "1ffb:00b5 Tic T834". If the name begins with USBRelay, the
+ * only interface is that of a HID. Otherwise the only interface is vendor-specific. */
 static gboolean plug_usb(struct bus *bus, int number, GError **error) {
     static const guint8 vendor_specific[] = {9, 2, 18, 0, 1, 1,    0, 0xc0, 50,
                                              9, 4, 0,  0, 0, 0xff, 0, 0,    0};
@@ -315,7 +319,8 @@ static int tcp_port(int fd) {
     return ntohs(address.sin_port);
 }
 
-/* Returns the port of the device of a bus: that of Art-Net, sACN or WLED, by its first message. */
+/* Returns the UDP port of the device of a bus. The first message to the device shows whether this
+ * is the port of Art-Net, sACN or WLED. */
 static guint16 udp_port(const Recorded *recorded, int number) {
     for (guint i = 0; i < recorded->lines->len; i++) {
         const struct recorded_line *line = recorded->lines->pdata[i];
@@ -328,8 +333,8 @@ static guint16 udp_port(const Recorded *recorded, int number) {
     return 6454;
 }
 
-/* Returns the address of a device in the network. WLED has two buses at one address, so a recording
- * with WLED has one device. */
+/* Returns the address of a device in the network. WLED has two buses at one address. In a recording
+ * with WLED, all buses have the same address. */
 static const char *address_of(const Recorded *recorded, int number) {
     gboolean http = FALSE;
     for (guint i = 0; i < recorded->kinds->len; i++)

@@ -1,11 +1,12 @@
 /*
  * Plays the devices of a recording, so that a driver meets what a real device has said.
  *
- * The order of requests decides, not the time: the device says what it said in the recording as
- * soon as all requests before that have come. A request that differs from the recording is a
- * difference, after which the device says nothing more. Polls, and levels that are sent again and
- * again, depend on the time. They may come more often or less often than in the recording, as long
- * as the answer does not change. An answer that has changed must be fetched as in the recording.
+ * The order of requests decides, not the time. The device sends a message of the recording as soon
+ * as all requests before this message have come. If a request differs from the recording, the
+ * replay has a difference, and the device says nothing more. Polls, and levels that are sent again
+ * and again, depend on the time. They may come more often or less often than in the recording, as
+ * long as the answer does not change. An answer that has changed must be fetched as in the
+ * recording.
  *
  * Serial lines are replayed on pseudo-terminals, Modbus over TCP, lamps in the network on the
  * loopback interface, programs by a program that passes its input and output on, and USB behind
@@ -18,9 +19,9 @@
 typedef struct Replay Replay;
 
 /* Starts the devices. Keeps recorded, which must stay valid. pipe is the path of a Python program
- * that passes its input to the socket that its argument names, and what comes from there to its
- * output: it is the program of a replayed program. Buses that cannot be replayed, such as those of
- * cameras, are left out. Returns NULL with an error if a device cannot be made. */
+ * that takes the place of a replayed program. It passes its input to the socket that its argument
+ * names, and writes what comes from the socket to its output. Buses that cannot be replayed, such
+ * as those of cameras, are left out. Returns NULL with an error if a device cannot be made. */
 Replay *replay_new(const Recorded *recorded, const char *pipe, GError **error);
 void replay_free(Replay *replay); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Replay, replay_free)
@@ -29,14 +30,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Replay, replay_free)
  * the text. */
 const char *replay_sections(const Replay *replay);
 
-/* Returns whether all requests that stand before this line of the file have come. With line
- * G_MAXINT: all requests. */
+/* Returns whether all requests that stand before this line of the file have come. The line G_MAXINT
+ * means all requests. */
 gboolean replay_is_at(Replay *replay, int line);
 
 /* Returns the first difference, as "FILE:LINE: expected …, but the program sent …". Returns NULL if
- * there was none. g_free() */
+ * there was none. Free it with g_free(). */
 char *replay_difference(Replay *replay);
 
-/* Returns the request that the program has not sent, as "FILE:LINE: expected …, but nothing came".
- * Returns NULL if replay_is_at(replay, G_MAXINT). g_free() */
+/* Returns the next request that the program has not sent, as "FILE:LINE: expected …, but nothing
+ * came". Returns NULL if all requests have come (replay_is_at(replay, G_MAXINT)). Free it with
+ * g_free(). */
 char *replay_missing(Replay *replay);

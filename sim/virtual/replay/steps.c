@@ -10,7 +10,7 @@ struct step {
     char *stream;
     GPtrArray *answers; /* of GBytes: all messages up to the next request */
     gboolean stalls;
-    struct step *before; /* the step before it in its stream, or NULL */
+    struct step *before; /* the step before this step in its stream, or NULL */
     GBytes *seen;        /* the request as the program has sent it; NULL if it has not come */
 };
 
@@ -19,7 +19,7 @@ struct steps {
     const struct replay_protocol *protocol;
     GPtrArray *list; /* of struct step */
     GPtrArray *greeting;
-    GHashTable *last; /* of each stream: the last step that has come */
+    GHashTable *last; /* key: stream; value: the last step of the stream that has come */
     guint next;
     char *difference;
 };
@@ -48,7 +48,7 @@ static GBytes *adapted(const struct steps *steps, GBytes *message, const guint8 
                                          : g_bytes_ref(message);
 }
 
-/* Numbers make answers differ that say the same. */
+/* Returns whether the answers of two steps say the same. They may differ in their numbers. */
 static gboolean say_the_same(const struct steps *steps, const struct step *a,
                              const struct step *b) {
     if (!steps->protocol->adapt)
@@ -89,7 +89,8 @@ static void add_request(struct steps *steps, int line, const guint8 *bytes, gsiz
     g_ptr_array_add(steps->list, step);
 }
 
-/* A line of the recording is a write of the driver, which may have several requests. */
+/* Adds the requests of a line of the recording. A line is one write of the driver, which may have
+ * several requests. */
 static void add_line(struct steps *steps, const struct recorded_line *line, GHashTable *streams) {
     gsize n, length;
     const guint8 *bytes = g_bytes_get_data(line->bytes, &n);

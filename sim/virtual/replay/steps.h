@@ -15,7 +15,7 @@ void steps_free(struct steps *steps); /* NULL is ignored */
 const GPtrArray *steps_greeting(const struct steps *steps);
 
 enum steps_result {
-    STEPS_ANSWERED, /* ret has the messages that follow, of GBytes; perhaps none */
+    STEPS_ANSWERED, /* ret has the messages that follow, of GBytes; there may be none */
     STEPS_STALLED,  /* the device has refused the request (USB) */
     STEPS_DIFFERS,  /* steps_difference() says how */
 };
@@ -26,6 +26,7 @@ enum steps_result steps_take(struct steps *steps, const guint8 *bytes, gsize n, 
 /* Returns whether all requests before a line of the file have come. */
 gboolean steps_are_at(const struct steps *steps, int line);
 
-/* Return texts for people, or NULL (replay.h). The steps own the first; g_free() the second. */
+/* Return the texts of replay_difference() and replay_missing(), or NULL. The steps own the text of
+ * steps_difference(). Free the text of steps_missing() with g_free(). */
 const char *steps_difference(const struct steps *steps);
 char *steps_missing(const struct steps *steps);

@@ -41,7 +41,7 @@ static const GOptionEntry entries[] = {
 };
 
 /* Returns the text of the rig file, with a first line that has the kind and the checksum of the
- * rest. By the checksum, this run (when it ends) and the next run notice whether somebody has
+ * rest. By the checksum, mesorig-rig notices at its end and at its next start whether somebody has
  * changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
@@ -106,8 +106,8 @@ static void virtual_rig_main_print_json(const struct virtual_rig_device *devices
     g_print("%s}\n", text->str);
 }
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. If to is NULL (without -o),
- * only prints the rig file. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. If `to` is NULL (without
+ * -o), only prints the rig file. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);

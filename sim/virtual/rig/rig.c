@@ -20,7 +20,7 @@
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
 /* Watchdog keys, which are the same for all sections of a board. The watchdog waits five seconds,
- * because a busy machine delays a program by less. */
+ * because even a busy machine delays a program by less. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
@@ -54,8 +54,8 @@ void rig_set_error(GError **error, const struct config_section *section, const c
     config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
 }
 
-/* Appends a section to rig->text, without the options that only the driver `from` has, and with the
- * driver `to`. */
+/* Appends a section to rig->text for the driver `to`, without the options that only the driver
+ * `from` has. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to) {
     g_string_append_printf(rig->text, "\n[%s]\n", section->group);
@@ -89,7 +89,7 @@ void rig_list_device(VirtualRig *rig, const struct config_section *section, cons
 }
 
 /* Sets rig->world to the world of a section, if the section has the key world. Returns FALSE with
- * an error if another section has named a different world. */
+ * an error if the world cannot be loaded, or if another section has named a different world. */
 static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path)

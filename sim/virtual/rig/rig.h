@@ -1,13 +1,14 @@
 /*
- * This module makes a whole rig of virtual devices, which speak the real protocols on the loopback
- * interface. For each device of a simulated rig, it has a virtual device that a real driver can
- * open. Axes are Modbus RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP
- * boards of relays and inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB
- * buses that umockdev emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID
- * relay boards, and cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on
- * PTP/IP, axes may be on boards that speak G-code, and lamps may be on serial LED controllers, both
- * on pseudo-terminals. All devices act on the world of that rig or look at it, so the cameras see a
- * lamp that a relay switches.
+ * This module makes a whole rig of virtual devices, which speak the real protocols. For each device
+ * of a simulated rig, the virtual rig has a virtual device that a real driver can open. Axes are
+ * Modbus RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of
+ * relays and inputs on the loopback interface. Cameras are GigE Vision cameras on the loopback
+ * interface. Alternatively, devices are on USB buses that umockdev emulates. Axes are then Pololu
+ * Tics, lamps and lasers are connected to HID relay boards, and cameras are V4L2 or USB3 Vision
+ * cameras. Cameras may also be still cameras on PTP/IP. Axes may be on boards that speak G-code,
+ * and lamps may be on serial LED controllers. These boards and controllers are on pseudo-terminals.
+ * All devices act on the world of the simulated rig or look at it, so the cameras see a lamp that a
+ * relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
  * to the world. The thread of a camera that is not a V4L2 camera does the same before it renders a
@@ -25,7 +26,7 @@ typedef struct VirtualRig VirtualRig;
 struct virtual_rig_device {
     char *section; /* section of the rig file: "camera cam15" */
     char *driver;  /* driver that opens the device */
-    char *where;   /* address of the device: "127.77.4.9", "/dev/pts/5 unit 1" */
+    char *where;   /* address of the device, such as "127.77.4.9" or "/dev/pts/5 unit 1" */
 };
 
 /* Names of devices that are to be of another kind than usual. Each member is an array of names that
@@ -34,9 +35,9 @@ struct virtual_rig_device {
 struct virtual_rig_kinds {
     const char *const *usb;   /* devices on USB */
     const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
-    const char *const *still; /* still cameras on PTP/IP, also if usb or u3v has them */
-    const char *const *gcode; /* axes on boards that speak GRBL, also if usb has them */
-    /* lamp banks on serial LED controllers, also if usb has them */
+    const char *const *still; /* still cameras on PTP/IP, also if usb or u3v names them */
+    const char *const *gcode; /* axes on boards that speak GRBL, also if usb names them */
+    /* lamp banks on serial LED controllers, also if usb names them */
     const char *const *serial;
 };
 
@@ -66,16 +67,18 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
 /* Sets the faults of all Modbus devices from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
-/* Disconnects a device, or connects it again. name is the name of its section, "cam30" or "camera
- * cam30". A board (Modbus or G-code) is disconnected for all sections that share it. Of the devices
- * on USB, only USB3 Vision cameras can be disconnected. A still camera is switched off. Returns
- * FALSE with an error if there is no such device, or if it cannot be disconnected. */
+/* Disconnects a device, or connects it again. name is the name of its section, such as "cam30" or
+ * "camera cam30". A board (Modbus or G-code) is disconnected for all sections that share it. For a
+ * Modbus device, this also ends the faults of virtual_rig_fail_lines(). Of the devices on USB, only
+ * USB3 Vision cameras can be disconnected. A still camera is switched off. Returns FALSE with an
+ * error if there is no such device, or if it cannot be disconnected. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
 /* Changes the sample: the devices act on the world of this file from now on. The new world must
  * have the same cameras, lamps and lasers as the present world, with the same names and sensors. A
  * rig with devices on USB other than USB3 Vision cameras cannot change its world. Returns FALSE
- * with an error if the world is not changed, also because it is the present one. */
+ * with an error if the world is not changed. This is also the case if the file is that of the
+ * present world. */
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
 
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */

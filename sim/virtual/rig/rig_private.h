@@ -85,7 +85,8 @@ struct VirtualRig {
     int n_led_banks;
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* Boards of USB relays. switches is the board of all lasers, which is also in relays. */
+    /* Boards of USB relays. `switches` is the board of all lasers. It is also an element of
+     * `relays`. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
@@ -103,8 +104,9 @@ const char *rig_part(const struct config_section *section);
 gboolean rig_wraps(const struct config_section *section);
 void rig_set_error(GError **error, const struct config_section *section, const char *what);
 
-/* Returns the world that a section names. Returns NULL with an error if the section names no world,
- * or another world than other sections. The rig owns the world. */
+/* Returns the world that a section names. The rig owns the world. Returns NULL with an error if the
+ * section names no world or a different world than other sections, or if the world cannot be
+ * loaded. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
 /* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
