@@ -1,7 +1,7 @@
 /*
  * This module computes the ray optics of the simulated rig, with the true lenses, lamps and laser
- * sheets. This code is written independently of calib/, so that an error in one of them shows as a
- * difference.
+ * sheets. The code is written independently of calib/, so that an error in either of them shows as
+ * a difference.
  *
  * Units are millimetres and radians. Positions are in the rig frame, or in a frame that is turned
  * about z. The functions are pure, except that optics_sense() fills a table at its first call.
@@ -43,32 +43,34 @@ struct optics_camera {
     int width, height, bits;
     enum cfa cfa;
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
-    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential part (p1, p2); r is
-                              the tangent of the angle to the axis */
+    /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential part (p1, p2). r is the tangent of the
+     * angle to the optical axis. */
+    double k1, k2, p1, p2;
     struct v3 centre_mm, right, down, forward;
     double blur_px;    /* standard deviation of the blur of the lens */
     double vignetting; /* the response is multiplied by 1 − vignetting·(r/r_corner)² */
-    double falloff;    /* the response is proportional to cos^falloff of the angle to the axis */
-    double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
-    double colour[3];  /* relative response behind each filter */
+    /* the response is proportional to cos^falloff of the angle to the optical axis */
+    double falloff;
+    double response;  /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
+    double colour[3]; /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
     double curvature; /* a linear value x reads as x·(1 − curvature·x/(full scale − black)) */
-    /* the picture in red light is magnified by 1 + lateral_colour, the picture in blue light by 1 −
-     * lateral_colour */
+    /* The picture in red light is magnified by 1 + lateral_colour. The picture in blue light is
+     * magnified by 1 − lateral_colour. */
     double lateral_colour;
     double veiling_glare; /* share of the mean light of the picture that is added everywhere */
-    /* the right half of the sensor reads values that are larger by this share */
+    /* the values of the right half of the sensor are larger by this share */
     double half_gain_step;
     double column_offset; /* standard deviation of the columns' offsets, as a part of full scale */
     guint64 columns_key;  /* seed of the columns' offsets */
 };
 
-/* Places a camera at a point so that the camera looks at the origin. The vector right is e_φ at
- * that point, the direction in which the azimuth φ grows. */
+/* Places a camera at a point so that the camera looks at the origin. The vector `right` is e_φ at
+ * that point, which is the direction in which the azimuth φ grows. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 
-/* Turns the camera about its right, down and forward axes, in this order. */
+/* Turns the camera about its vectors right, down and forward, in this order. */
 void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
 
 /* Returns the vector a turned by an angle about a unit axis. */
@@ -90,19 +92,20 @@ double optics_response(const struct optics_camera *camera, double x_px, double y
  * turned by α + zero about z, and the origin at centre_mm. */
 struct optics_arc {
     double zero;
-    struct v3 centre_mm, x, y, z; /* x, y, z: perpendicular unit vectors */
+    struct v3 centre_mm, x, y, z; /* `x`, `y`, `z` are perpendicular unit vectors */
     gboolean crooked;             /* the arc deviates from its nominal axis */
 };
 
-/* Tilts the arc's axis z towards x and towards y by an angle each. */
+/* Tilts the axis z of the arc by the angle towards_x towards x, and by the angle towards_y towards
+ * y. */
 void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y);
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
-/* An axis that carries cameras or lamps. The cameras or lamps turn about a line by the angle of the
- * axis + zero. */
+/* How a camera arm or a light probe turns the cameras or lamps that it carries. The carried devices
+ * turn about a line, by the angle of the arm or probe + zero. */
 struct optics_swing {
-    struct v3 axis, centre_mm; /* axis is a unit vector */
+    struct v3 axis, centre_mm; /* the line has the direction `axis` and goes through centre_mm */
     double zero;
 };
 struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v);
@@ -116,18 +119,18 @@ struct optics_lamp {
 /* Returns the irradiance on a surface that faces the lamp, in W·m⁻². */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
 
-/* A sheet of light that turns about an axis through position. At the sweep angle start, the sheet
- * contains forward, and its normal is axis × forward. */
+/* A sheet of light that turns about the line through position_mm along `axis`. At the sweep angle
+ * `start`, the sheet contains `forward`, and its normal is axis × forward. */
 struct optics_laser {
-    struct v3 position_mm, axis, forward; /* axis, forward: perpendicular unit vectors */
-    double start;                         /* sweep angle at which the sheet contains forward */
+    struct v3 position_mm, axis, forward; /* `axis` and `forward` are perpendicular unit vectors */
+    double start;                         /* sweep angle at which the sheet contains `forward` */
     double sigma; /* standard deviation of the Gaussian profile, as an angle of the sweep */
     double fan;   /* full angle in the sheet, evenly lit */
     double power_w;
     /* response of the three filters to the laser's wavelength, relative to white light */
     double colour[3];
-    /* Curvature of the sheet, in radians. Where the angle in the sheet from forward has the tangent
-     * t, the sheet lies as if it had turned further by bend·t². */
+    /* Curvature of the sheet, in radians. Let t be the tangent of the angle from `forward`,
+     * measured in the sheet. There the sheet lies as if it had turned further by bend·t². */
     double bend;
 };
 

@@ -132,8 +132,8 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
     give(at.axis, ret->axis);
 }
 
-/* A raster of points of the reference plane, with fine × fine points per texel, and the surfaces
- * that the viewing rays through one of its rows meet. */
+/* A raster of points of the reference plane, with fine × fine points per texel. It also has the
+ * surfaces that the viewing rays through one row of the raster meet. */
 struct raster {
     World *world;
     const struct truth_grid *grid;
@@ -195,8 +195,8 @@ static void distances(World *world, int camera, double turntable_deg, const stru
     raster_clear(&raster);
 }
 
-/* Flags the texels whose centre is within one texel of the fine sample (i, j), where a step of the
- * distance was found. */
+/* A step of the distance was found at the fine sample (i, j). Flags the texels with a centre that
+ * is within one texel of this sample. */
 static void flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));

@@ -1,7 +1,7 @@
 /*
  * This module gives the true values of the simulated world: exact distances and reflectances by ray
  * tracing. It is a separate library (mesorig_truth), which only tests and the demo's report use.
- * Camera arm and light probe are at the angles set by world_set_arm() and world_set_probe().
+ * The camera arm and the light probe are at the angles of world_set_arm() and world_set_probe().
  */
 #pragma once
 
@@ -41,7 +41,8 @@ struct truth_arc {       /* the true axis of the arc, in the rig frame */
 };
 void truth_arc(World *world, struct truth_arc *ret);
 
-/* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps. */
+/* The axis of the camera arm in the rig frame, or the axis of the light probe in the frame of its
+ * lamps. */
 struct truth_swing {
     double zero_deg;     /* angle that is added to the angle of the arm or probe */
     double axis[3];      /* unit vector; the carried devices turn counter-clockwise about it */
@@ -54,8 +55,9 @@ void truth_probe(World *world, struct truth_swing *ret);
  * backlash and position errors. ret_aim may be NULL. */
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]);
-/* Returns a camera's signal for a white diffuser that lies level at a point of the rig frame under
- * a lamp at its full output, in DN per second. colour is the filter: 0 red, 1 green, 2 blue. */
+/* Returns the signal of a camera in DN per second, for a white diffuser under a lamp at full
+ * output. The diffuser lies level at a point of the rig frame. colour is the filter: 0 red, 1
+ * green, 2 blue. */
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour);
 
@@ -72,15 +74,16 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
  * frame. */
 double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]);
 
-/* Computes, for the true viewing ray of each texel's centre, the distance in mm from the reference
- * plane to the surface of the sample or the turntable. The distance is −1 where the ray meets
+/* Computes the distance along the true viewing ray of each texel's centre from the reference plane
+ * to the surface of the sample or the turntable, in mm. The distance is −1 where the ray meets
  * nothing. If ret_edge is not NULL, it receives 1 for each texel that has a depth edge (a step of
  * more than half a texel) within one texel, and otherwise 0. */
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 
-/* Counts for each texel the laser positions that can light, at some sweep angle, the surface point
- * that the texel shows. A laser position is an arc angle and a laser; n positions are given. */
+/* For each texel, counts the laser positions from which a laser can light the surface point that
+ * the texel shows, at any sweep angle. A laser position is an arc angle and a laser. n positions
+ * are given. */
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
 

@@ -247,8 +247,8 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
-/* Memory for the light of an exposure. A thread keeps it for its next exposure, because new memory
- * for each would take a tenth of the time of a laser sweep. */
+/* Memory for the light of an exposure. A thread keeps the memory for its next exposure, because new
+ * memory for each exposure would take a tenth of the time of a laser sweep. */
 struct light {
     gsize n;     /* number of pixels */
     float *rate; /* of all lamps and lasers */

@@ -1,8 +1,9 @@
 /*
  * All simulated devices read and change the same simulated world, so that pictures follow motion
- * and light. The world has a sample on a turntable, cameras, and lamps and lasers, which are on an
- * arc or fixed. An arm may carry cameras, and a probe may carry lamps; both are axes. A world file
- * describes the world (world.conf(5) has every key).
+ * and light. The world has a sample on a turntable, cameras, lamps and lasers. Lamps and lasers are
+ * on an arc or fixed. An arm may carry cameras, and a probe may carry lamps. An axis device moves
+ * the arm, and another axis device moves the probe. A world file describes the world (world.conf(5)
+ * has every key).
  *
  * The world shares no code with calib/ and processing/. Projection, distortion and triangulation
  * are written independently, so that an error in calib/ or processing/ shows in the results.
@@ -75,14 +76,15 @@ void world_set_laser(World *world, int laser, gboolean on);
 
 #define WORLD_INSTANTS 17
 struct world_state {
-    /* turntable_deg is the position in the middle of the exposure. The other angles are constant
-     * during an exposure. */
+    /* turntable_deg is the position of the turntable in the middle of the exposure. The other
+     * angles are taken as constant during an exposure. */
     double turntable_deg, arc_deg, arm_deg, probe_deg;
     /* Positions of the turntable at equal intervals, from the beginning of the exposure to its
      * end. */
     double turning_deg[WORLD_INSTANTS];
-    double sweep_deg[WORLD_MAX_LASERS]; /* sweep angle of the laser at each place
-                                           (world_mount_laser()); laser_on is also by place */
+    /* Sweep angle of the laser that is mounted at each place (world_mount_laser()). laser_on is
+     * also in the order of places. */
+    double sweep_deg[WORLD_MAX_LASERS];
     float lamp_output[WORLD_MAX_LAMPS]; /* mean output over the exposure, relative to the nominal
                                            output */
     gboolean laser_on[WORLD_MAX_LASERS];

@@ -14,7 +14,7 @@ enum cached { /* must differ from the numbers in world_light.c and world_laser.c
 
 struct bleeding {
     int nx, ny;
-    double pitch_mm, x_mm, y_mm; /* x_mm and y_mm are the middle of the first cell */
+    double pitch_mm, x_mm, y_mm; /* (x_mm, y_mm) is the middle of the first cell */
     struct surface *cells;       /* ny × nx; cells without sample show the turntable */
     int reach;                   /* reach of the kernel, in cells */
     float per_step;              /* 1/mm */
@@ -76,7 +76,8 @@ struct bleeding_job {
     double sweep;
 };
 
-struct lit_cell { /* sweep angle at which a cell is lit, and its irradiance at that angle */
+/* sweep angle at which a cell is lit, and the irradiance of the cell at that angle */
+struct lit_cell {
     float angle, irradiance;
 };
 

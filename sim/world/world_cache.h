@@ -4,7 +4,7 @@
  * affects a picture.
  *
  * Any thread may call the functions. If two threads request the same value, the first thread makes
- * the value and the other waits. No lock is held while a value is made.
+ * the value and the second thread waits. No lock is held while a value is made.
  */
 #pragma once
 
@@ -20,9 +20,9 @@ struct cache_entry {
 
 typedef struct Cache Cache;
 
-/* Makes the value of a key. Returns a block to be freed with g_free(), and its size in *ret_bytes.
- * The function may request the values of other keys from the cache, but keys must not depend on
- * each other in a circle. */
+/* Makes the value of a key. Returns a block that the cache frees with g_free(). *ret_bytes is the
+ * size of the block. The function may request the values of other keys from the cache, but keys
+ * must not depend on each other in a circle. */
 typedef gpointer (*CacheMake)(const struct cache_key *key, gconstpointer data, gsize *ret_bytes);
 
 Cache *cache_new(gsize limit_bytes);

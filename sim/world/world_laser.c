@@ -16,7 +16,7 @@ struct share {
     guint32 pixel;
 };
 
-/* Shares in the order of the cell of their angle. A cell is one σ wide. */
+/* Shares, sorted into cells by their angles. A cell is one σ wide. */
 struct laser_list {
     double first; /* first angle, rad */
     guint n_cells;
@@ -32,7 +32,8 @@ struct laser_job {
     struct light_pose pose;
 };
 
-struct lit_vertex { /* sweep angle at which a vertex is lit, and its irradiance at that angle */
+/* sweep angle at which a vertex is lit, and the irradiance of the vertex at that angle */
+struct lit_vertex {
     float angle, irradiance;
 };
 
@@ -73,8 +74,8 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
         g_array_append_val(light->shares, share);
 }
 
-/* Adds light after one bounce. This light is smooth, so each pixel gets it only once, as the light
- * at the vertex that is nearest to the pixel's first sample. */
+/* Adds light after one bounce. This light is smooth, so it is computed only once for each pixel, at
+ * the vertex that is nearest to the pixel's first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;

@@ -42,8 +42,8 @@ guint64 world_carried_bits(gboolean carried, double deg) {
 }
 
 /* Returns a vector tilted like the turntable's axis. The bearing tilts the axis by the angle wobble
- * towards the azimuth wobble_per_turn·turntable_rad. If sign is −1, the vector is tilted back. If
- * sign is 0, the vector is not tilted. */
+ * towards the azimuth wobble_per_turn·turntable_rad. If sign is 1, the vector is tilted. If sign is
+ * −1, it is tilted back. If sign is 0, it is not tilted. */
 static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
@@ -56,10 +56,10 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
     return lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
 }
 
-/* Converts a vector or point from the frame of a light's carrier to the frame of the pose. If
- * neither the axis of the arc nor that of the turntable deviates, the vector is only turned by the
- * angle between arc and turntable, so that the result is bit-identical to the result for an ideal
- * arc. */
+/* Converts a vector or point to the frame of the pose, from the frame of the arc, or for a fixed
+ * light from the rig frame. If neither the axis of the arc nor the axis of the turntable deviates,
+ * the vector is only turned by the angle between arc and turntable. The result is then
+ * bit-identical to the result for an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
@@ -122,7 +122,7 @@ struct view_job {
     int camera;
     struct optics_camera at; /* the camera in its present pose */
     double arm_deg, turntable_deg;
-    double magnification; /* 0 means the magnification of the colour of each pixel's filter */
+    double magnification; /* 0: each pixel has the magnification of the colour of its filter */
     const struct spread *spread;
     /* The arrays rays, surfaces and hit are for one row of the picture. */
     struct v3 *rays;

@@ -242,7 +242,7 @@ static const struct option laser_table[] = {
 #undef AT
 
 /* Returns the random number generator of a device. The random numbers depend on the world's seed,
- * on a letter for the class of the device, and on the device's position among the devices of that
+ * on a letter for the class of the device, and on the number of the device among the devices of its
  * class in the file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
@@ -308,9 +308,9 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Returns the direction from the origin to a device at a polar angle and an azimuth (0 for a device
- * on the arc). *ret_up is the unit vector upwards along the arc, and *ret_across the unit vector
- * across it. */
+/* Returns the direction from the origin to a device at a polar angle and an azimuth. The azimuth of
+ * a device on the arc is 0. *ret_up is the unit vector upwards along the arc. *ret_across is the
+ * unit vector across the arc. */
 static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
                         struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
@@ -445,8 +445,8 @@ typedef gboolean (*LoadDevice)(World *, const struct world_options *, const stru
                                Mistakes *);
 
 /* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Adds a mistake
- * if the section has no name, if it is one too many, or if a world file cannot have such a section.
- * Returns FALSE only in the last case. */
+ * if the section has no name, or if it is one too many. If a world file cannot have such a section,
+ * adds a mistake and returns FALSE. Otherwise returns TRUE. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {
@@ -501,9 +501,9 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* Returns an axis that carries cameras or lamps, with random deviations from the nominal axis.
- * Their standard deviations are zero_deg, tilt_deg (in each of two directions) and off_mm (in x, y
- * and z). letter is that of device_random(). */
+/* Returns the axis of the arm or probe, with random deviations from the nominal axis. The standard
+ * deviations are zero_deg for the zero, tilt_deg for the tilt in each of two directions, and off_mm
+ * for the offset in x, y and z. letter is the class_letter of device_random(). */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

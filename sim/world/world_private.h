@@ -13,7 +13,9 @@
 
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
-    gint64 on_us, off_us; /* times at which the lamp was last switched on and off */
+    /* on_us is the time at which the lamp was last switched on, and off_us the time at which it was
+     * last switched off */
+    gint64 on_us, off_us;
 };
 
 #define WORLD_TURNS 128
@@ -26,8 +28,8 @@ struct turn {
 };
 
 /* A scene is the sample's surface for light transport. The vertices of the surface are the surfels
- * of interreflection. Each vertex has a list of the vertices that cosine-weighted rays from this
- * vertex hit first. */
+ * of interreflection. Each vertex has a list of the vertices that are seen along cosine-weighted
+ * rays from this vertex. */
 struct scene {
     RTCDevice device;
     RTCScene scene;
@@ -35,8 +37,8 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    /* For each vertex, n_gather elements: the vertex that a ray hits, or NO_TRIANGLE if the ray
-     * hits no front side. */
+    /* For each vertex, n_gather elements, one for each ray: the vertex that is nearest to the point
+     * that the ray hits, or NO_TRIANGLE if the ray hits no front side. */
     guint32 *gather;
     float low[3], high[3];
     float table_albedo, table_radius_mm;
@@ -109,9 +111,9 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
 
-/* Returns in ret up to SCENE_BATCH of the scene's vertices from first on, and in ret_blocked
- * whether a light is hidden from each vertex. The albedo of the returned vertices is such that
- * scene_reflect() returns n·l for green. Returns the number of vertices. */
+/* Fills ret with at most SCENE_BATCH vertices of the scene, from first on. ret_blocked says for
+ * each vertex whether a light is hidden from it. The albedo in ret is such that scene_reflect()
+ * returns n·l for green. Returns the number of vertices. */
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
@@ -137,20 +139,21 @@ static inline guint64 world_bits(double value) {
  * by less than 1e-9 degrees give the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* Returns the part of a cache's key for the position of an axis that carries the device, or 0 if
- * the device is not carried. */
+/* Returns the part of a cache's key for the position of the arm or probe that carries a device, or
+ * 0 if the device is not carried. */
 guint64 world_carried_bits(gboolean carried, double deg);
 
-/* The pose of a light, seen from the sample. Results for lights on the arc depend only on the angle
- * between arc and turntable, unless the arc's axis differs from the turntable's axis, or the
- * turntable wobbles. Results for fixed lights depend only on the turntable. */
+/* The pose of a light, seen from the sample. Results for a light on the arc depend only on the
+ * angle between arc and turntable, unless the axis of the arc differs from the axis of the
+ * turntable or the turntable wobbles. Results for a fixed light depend only on the angle of the
+ * turntable. */
 struct light_pose {
     double relative_rad;  /* world_relative_rad() */
     double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
-    double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
-    /* The frame does not tilt with the turntable. If the turntable is at 0, the frame is the rig
-     * frame. */
+    double probe_deg; /* angle of the probe if the probe carries the lamp, otherwise 0 */
+    /* The frame of the pose does not tilt with the turntable. If the turntable is at 0, it is the
+     * rig frame. */
     gboolean upright;
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
@@ -192,8 +195,8 @@ struct view {
 };
 
 /* Returns the view of a camera (struct view). magnification is the magnification of the light
- * relative to green light. 0 means white light: each pixel is magnified for the colour of its
- * filter. */
+ * relative to green light. If it is 0, the light is white, and each pixel is magnified for the
+ * colour of its filter. */
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 
@@ -203,8 +206,8 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);
 
-/* Returns in ret up to SCENE_BATCH points of a view from first on, and in ret_blocked whether a
- * light is hidden from each point. Returns the number of points. */
+/* Fills ret with at most SCENE_BATCH points of a view, from first on. ret_blocked says for each
+ * point whether a light is hidden from it. Returns the number of points. */
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
@@ -215,8 +218,8 @@ static inline enum cfa_colour world_pixel_colour(const struct optics_camera *cam
     return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
 }
 
-/* Returns the irradiance at each vertex, as R G B, by the light of a lamp at full output after one
- * bounce. */
+/* Returns the irradiance at each vertex, as R G B, from the light of a lamp at full output after
+ * one bounce. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
 /* Returns the interreflected light at a point of a triangle, interpolated from its vertices. */
@@ -238,8 +241,7 @@ void world_speckle(const World *world, int camera, int laser, const struct world
 /* world_bleeding.c: laser light that enters the sample and comes out elsewhere. The upper side of
  * the sample, seen from above, is cut into the cells of a grid. A share of the light on a cell
  * spreads to other cells with exp(−r/scale), where r is the distance in space. Surfaces that are
- * hidden from above, such as the lower side of a thread, take no part, and neither does the
- * turntable. */
+ * hidden from above, such as the lower side of a thread, and the turntable take no part. */
 struct bleeding;
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm);
 void bleeding_free(struct bleeding *bleeding); /* NULL is ignored */

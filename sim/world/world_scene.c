@@ -176,7 +176,7 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
         int n_rays = MIN(SCENE_BATCH, n - first);
         for (int i = 0; i < n_rays; i++) {
             struct v3 o = starts_mm ? starts_mm[first + i] : eye_mm, d = directions[first + i];
-            /* Start a ray from far away just above the sample, because floats have little
+            /* A ray from far away starts just above the sample, because floats have little
              * precision. */
             if (d.z < 0 && o.z > top)
                 o = v3_mad(d, (top - o.z) / d.z, o);

@@ -25,8 +25,8 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
 
 /* The intensity of speckle with contrast C has a gamma distribution with M = 1/C² degrees of
  * freedom (Goodman 2007). The intensity is computed as the cube of a normal deviate (Wilson &
- * Hilferty 1931). The deviates are correlated over the blur of the lens, so the grain is as large
- * as the blur. */
+ * Hilferty 1931). The deviates are correlated over the blur of the lens, so that the grain is as
+ * large as the blur. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];

@@ -189,8 +189,8 @@ static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, 
     }
 }
 
-/* Gets memory for this number of further elements. Without it, a growing array is copied again and
- * again. */
+/* Gets memory for this number of further elements. Without this function, a growing array is copied
+ * again and again. */
 static void reserve(GArray *array, guint more) {
     const guint n = array->len;
     g_array_set_size(array, n + more);

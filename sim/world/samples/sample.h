@@ -11,8 +11,8 @@
 #include <png.h>
 
 /* A vertex has a material: a diffuse albedo, and a layer of gloss (Ward's anisotropic lobe in the
- * bounded form). gloss is the albedo of this layer. along and across are its roughness in the
- * direction of the tangent t and across it. */
+ * bounded form). `gloss` is the albedo of this layer. `along` is its roughness in the direction of
+ * the tangent t, and `across` its roughness perpendicular to t. */
 struct vertex {
     float p[3], n[3], t[3];
     float albedo[3];
@@ -49,7 +49,7 @@ struct sample_options {
     double width_mm, height_mm; /* along x and y */
     double base_mm, relief_mm, top_mm, period_mm;
     int grid;
-    int repeats; /* number of equal pieces in x and in y; 1 for kinds that are of one piece */
+    int repeats; /* number of equal pieces in x and in y; 1 for kinds that have only one piece */
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1 for the value of the kind */
     gboolean smooth;
@@ -63,7 +63,8 @@ struct sample_options {
 extern const struct option sample_option_table[];
 
 /* Makes or loads the sample of a section. Returns NULL if there are mistakes. Each mistake names
- * the section's file and line, or the file that could not be loaded and the place in it. */
+ * the file and line of the section, or the file that could not be loaded and the place in this
+ * file. */
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
                         Mistakes *mistakes);
 void sample_free(struct mesh *mesh); /* NULL is ignored */
@@ -85,15 +86,16 @@ int sample_count(double length_mm, double period_mm, int unit);
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
 /* Sets the gloss of a vertex from the options. gloss, along and across are the values of the kind
- * of sample, which are used for a gloss below 0 and for roughnesses that are not above 0. */
+ * of sample. They are used where the options have a gloss below 0 or a roughness that is not above
+ * 0. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
 /* Sets an error that says that libpng cannot read the picture at path. Frees image. Always returns
  * FALSE. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
-/* Adds a surface z(x, y) on a grid, with walls down to the turntable. The function relief sets
- * p[2], albedo and gloss of a vertex whose p[0] and p[1] are set. */
+/* Adds a surface z(x, y) on a grid, with walls down to the turntable. The function relief gets a
+ * vertex with p[0] and p[1], and sets p[2], albedo and gloss. */
 typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);

@@ -34,12 +34,14 @@ static void add_face(struct mesh *mesh, const double corners[4][3], const struct
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* Adds a block. middle is the middle of the block in x and y. half is half the distance of opposite
- * walls in x and y. z is the height of the floor and the height of the top. */
+/* Adds a block. middle is the middle of the block in x and y. half is half the distance between
+ * opposite walls in x and y. z[0] is the height of the floor, and z[1] the height of the top. */
 static void add_block(struct mesh *mesh, const double middle[2], const double half[2],
                       const double z[2], double bevel, const struct vertex *like) {
     static const int sides[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    double ring[3][4][3]; /* foot, upper edge of the walls, edge of the top; counter-clockwise */
+    /* three rings of corners, counter-clockwise: foot of the walls, upper edge of the walls, edge
+     * of the top */
+    double ring[3][4][3];
     for (int c = 0; c < 4; c++)
         for (int r = 0; r < 3; r++) {
             for (int k = 0; k < 2; k++)

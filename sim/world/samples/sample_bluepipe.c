@@ -3,7 +3,7 @@
 #include <math.h>
 
 /* The sample has pipes in two layers on a dark floor. The lower pipes lie along x, and the upper
- * pipes lie along y. The pipes of a layer are one period apart, and have sleeves, where two lengths
+ * pipes lie along y. The pipes of a layer are one period apart. They have sleeves where two lengths
  * of pipe meet. The pipes are hollow, and their ends lie on the sample's edge. Light and views pass
  * between and below the upper pipes. */
 
@@ -16,7 +16,8 @@ struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    /* number of sleeves along the pipe; phase of the first sleeve, 0 … 1 */
+    /* `sleeves` is the number of sleeves along the pipe. `phase` is the phase of the first sleeve,
+     * 0 … 1. */
     double sleeves, phase;
     float albedo[3];
 };

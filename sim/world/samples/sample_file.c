@@ -152,8 +152,8 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
 }
 
 /* Reads a corner of a face, such as "7", "7/1" or "7//3". A negative number counts back from the
- * last vertex. Moves *text behind the corner and the blanks after it. Returns FALSE with an error
- * if there is no corner, or if its vertex does not come before the face. */
+ * last vertex. Moves *text past the corner and the blanks after it. Returns FALSE with an error if
+ * there is no corner, or if the vertex does not come before the face in the file. */
 static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);

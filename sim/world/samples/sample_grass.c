@@ -12,7 +12,8 @@
 
 struct blade {
     const struct sample_options *options;
-    double x[3], z[3]; /* control points: distance along the ground from the tuft, and height */
+    /* control points: `x` is the distance along the ground from the root, and `z` the height */
+    double x[3], z[3];
     double root_mm[2], azimuth, half_width_mm;
     float albedo[3];
 };

@@ -8,29 +8,32 @@
  * other side and is shifted by half a period. Between the rings one sees the floor, and wires pass
  * above each other, so no height field describes the surface.
  *
- * Symbols: p is the distance of ring centres along a row (x), q the distance of rows (y), R the
- * radius of a ring's centre circle, r the radius of the wire, t the tilt. All centres have the same
- * height. The plane of a ring contains the direction of y and (cos t, 0, ±sin t).
+ * Symbols: p is the distance of ring centres along a row (x). q is the distance of rows (y). R is
+ * the radius of the centre circle of a ring. r is the radius of the wire. t is the tilt of a ring.
+ * All centres have the same height. The plane of a ring contains the direction of y and (cos t, 0,
+ * ±sin t).
  *
- * Linked rings. The planes of neighbours in adjacent rows, whose centres are (p/2, q) apart, meet
- * in a line along y. Each disc cuts a chord of half length h₁ out of this line, and the chords are
- * q apart: h_k² = R² − (k p / (4 cos t))². The rings are linked exactly if each chord has one end
- * within the other, which is 0 < q < 2 h₁. The next ring of that row is (3p/2, q) away, and must
- * not be linked: q > 2 h₃, or R < 3p / (4 cos t).
+ * Linked rings. The centres of two neighbours in adjacent rows are (p/2, q) apart. The planes of
+ * these rings meet in a line along y. The disc of each ring cuts a chord of half length h₁ out of
+ * this line, and the middles of the chords are q apart. The half length is h_k = √(R² − (k p / (4
+ * cos t))²). The rings are linked exactly if each chord has one end within the other, which is 0 <
+ * q < 2 h₁. The next ring of that row is (3p/2, q) away, and must not be linked: q > 2 h₃, or R <
+ * 3p / (4 cos t).
  *
- * Clearance between the wires. The distance of a point to a circle is √(n² + (ρ − R)²), with its
- * height n above the circle's plane and its distance ρ from the circle's axis. d(x, y) is the
- * minimum of this distance over N points of the other circle, minus π R / N. Between two of the
- * points, the distance is smaller than at the points by at most π R / N. Then all centre circles
- * are farther apart than
+ * Clearance between the wires. The distance of a point from a circle is √(n² + (ρ − R)²). n is the
+ * height of the point above the plane of the circle, and ρ is its distance from the axis of the
+ * circle. d(x, y) is the minimum of this distance over N points of the other circle, minus π R / N.
+ * Between two of the points, the distance is smaller than at the points by at most π R / N.
+ * Therefore any two centre circles are farther apart than
  *     D = min(p sin t, 2 (q − R), d(p/2, q), d(3p/2, q)),
- * whose terms are for rings in the same row, two rows away, linked, and in the next row but not
- * linked. The tilt of each ring differs from t by at most s. This moves a point by at most 2 R
- * sin(s/2), so for all tilts
+ * The four terms are for rings in the same row, for rings two rows apart, for linked rings, and for
+ * rings in adjacent rows that are not linked. The tilt of each ring differs from t by at most s.
+ * This difference moves a point by at most 2 R sin(s/2), so for all tilts
  *     clearance = D − 4 R sin(s/2) − 2 r > 0.
- * No ring passes through another on the way from t to its own tilt, so the rings stay linked. R
- * makes D as large as possible, and the wire takes FILL of the distance that is left. The tilt is
- * the largest that fits between base_mm and relief_mm above it: R sin(t + s) + r ≤ relief / 2. */
+ * No ring passes through another on the way from t to its own tilt, so the rings stay linked. R is
+ * chosen so that D is as large as possible. The wires take the share FILL of D − 4 R sin(s/2). The
+ * tilt is the largest that fits between base_mm and relief_mm above it: R sin(t + s) + r ≤ relief /
+ * 2. */
 
 #define ALONG    40   /* number of sections of a ring */
 #define AROUND   12   /* number of vertices of a section */
@@ -62,8 +65,9 @@ static double distance(double ring, double tilt, double x, double y) {
     return sqrt(least2) - G_PI * ring / POINTS;
 }
 
-/* Returns the half chord h_k of a ring along a line at the distance from_centre from its centre, or
- * 0 if the line misses the ring's disc. */
+/* Returns half the length of the chord that the disc of a ring cuts out of a line (h_k).
+ * from_centre is the distance of the line from the centre of the ring. Returns 0 if the line misses
+ * the disc. */
 static double half_chord(double ring, double from_centre) {
     return sqrt(MAX(0, ring * ring - from_centre * from_centre));
 }
@@ -102,7 +106,7 @@ static gboolean shape_mail(struct mail *mail) {
     const double width = o->width_mm / o->repeats, height = o->height_mm / o->repeats;
     mail->n_x = sample_count(width, o->period_mm, 1);
     mail->n_y = sample_count(height, width / mail->n_x / ROWS, 2);
-    /* If only two rows fit, they may be too close for this p. */
+    /* If only two rows fit, the rows may be too close to each other for this p. */
     if (height / mail->n_y < 0.7 * width / mail->n_x / ROWS)
         mail->n_x = sample_count(width, height / mail->n_y * ROWS, 1);
     mail->p_mm = width / mail->n_x;
@@ -120,7 +124,7 @@ static gboolean shape_mail(struct mail *mail) {
     return low > 0 && fits(mail, low);
 }
 
-/* Adds a ring, whose plane contains the directions of y and of (cos tilt, 0, sin tilt). */
+/* Adds a ring. Its plane contains the directions of y and of (cos tilt, 0, sin tilt). */
 static void add_ring(struct mesh *mesh, const struct mail *mail, const double centre[3],
                      double tilt, const float albedo[3]) {
     guint32 first = mesh->vertices->len;

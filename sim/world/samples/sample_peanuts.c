@@ -17,8 +17,8 @@ struct peanut {
     guint64 seed;
 };
 
-/* Returns the radius at s along the axis, from −1 to 1: a capsule with a waist, of which one end is
- * a little thicker. */
+/* Returns the radius at s along the axis, with s from −1 to 1. The shape is a capsule with a waist.
+ * One end is a little thicker. */
 static double profile(const struct peanut *peanut, double s) {
     double end = sqrt(MAX(0, 1 - pow(fabs(s), 3.2)));
     double waist = 1 - peanut->waist * exp(-pow((s - peanut->lean) / 0.33, 2));

@@ -23,8 +23,8 @@ static void turn(double v[3], int a, int b, double angle) {
     v[b] = s * x + c * y;
 }
 
-/* Turns an axis of the plate about the plate's normal, and then tilts it so that the normal leans
- * towards an azimuth. */
+/* Turns an axis of the plate about the normal of the plate. Then tilts the axis with the plate, so
+ * that the normal leans towards an azimuth. */
 static void place_axis(const struct sample_options *o, double v[3]) {
     turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
     turn(v, 2, 0, RAD(o->tilt_deg));

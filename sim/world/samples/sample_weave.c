@@ -59,8 +59,8 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
 }
 
-/* Closes an end of a yarn's tube with triangles around the centre of the end. ring is the first
- * vertex of the tube's ring at that end. */
+/* Closes an end of the tube of a yarn with triangles around the centre of the end. ring is the
+ * first vertex of the last ring of the tube at this end. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
