@@ -15,10 +15,11 @@
 #include "environment.h"
 
 struct environment_box {
-    double theta_deg, phi_deg;      /* direction of its centre */
-    double half_width, half_height; /* across the meridian and along it, at distance 1 */
-    double radiance;                /* replaces the radiance of the room */
-    float rgb[3];                   /* tint; the radiance is multiplied by it */
+    double theta_deg, phi_deg; /* direction of the centre of the box */
+    /* half_width is across the meridian, half_height along it; both at distance 1 */
+    double half_width, half_height;
+    double radiance; /* replaces the radiance of the room */
+    float rgb[3];    /* tint; the radiance is multiplied by it */
 };
 
 #define ENVIRONMENT_BOXES 4

@@ -90,7 +90,8 @@ void programs_set_lamps(guint program, const struct viewer_settings *s, double r
     glUniform1i(glGetUniformLocation(program, "n_lamps"), n);
     if (n == 0)
         return;
-    /* A program has lamp_places (NEAR_LAMPS) or lamp_towards. OpenGL ignores the other one. */
+    /* A program has either lamp_places (with NEAR_LAMPS) or lamp_towards. OpenGL ignores a uniform
+     * that the program does not have. */
     glUniform4fv(glGetUniformLocation(program, "lamp_places"), n, places[0]);
     glUniform3fv(glGetUniformLocation(program, "lamp_towards"), n, towards[0]);
     glUniform4fv(glGetUniformLocation(program, "lamp_cones"), n, cones[0]);

@@ -31,8 +31,8 @@ gboolean viewer_open(Viewer *viewer, const struct method *method, const char *pa
 /* Sets a material that the method has opened. Takes ownership of the material if it succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
-/* Sets the mesh and copies it. A part whose material has not been added shows the main material.
- * Fails if the mesh has more than VISIBILITY_MAX_PARTS parts. */
+/* Sets the mesh and copies it. If the material of a part has not been added, the part shows the
+ * main material. Fails if the mesh has more than VISIBILITY_MAX_PARTS parts. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
 /* Adds a material to the main material (number 0), which the functions above set. The new material

@@ -5,7 +5,7 @@ uniform sampler2DArray
     ambients; // reflectance under an even sky: a layer per view, and one for the pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
-uniform usampler2D pole; // indices of the views whose mean stands for the pole
+uniform usampler2D pole; // indices of the views in the mean that stands for the pole
 uniform int n_pages;
 uniform int n_slices;
 

@@ -121,7 +121,7 @@ places find_places(vec2 x, float level) {
     return at;
 }
 #elif PLACES == 2
-#ifdef N_LEVELS // for a method whose file has mip levels
+#ifdef N_LEVELS // only for a method with mip levels in its file
 #define ENDLESS_MEAN (N_LEVELS > 1)
 #else
 #define ENDLESS_MEAN 1

@@ -24,7 +24,7 @@ bool outside(vec3 at) {
 }
 
 #ifdef SOFT_SHADOWS
-// Returns the direction of point k on a spiral, whose points are spread evenly over all directions.
+// Returns the direction of point k on a spiral. The points are spread evenly over all directions.
 vec2 spiral(int k) {
     float angle = 2.39996323 * float(k);
     return vec2(cos(angle), sin(angle));

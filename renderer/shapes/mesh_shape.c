@@ -12,7 +12,7 @@
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;
-    double ga[2], gb[2]; /* sums of the changes of ln scale, times a and times b */
+    double ga[2], gb[2]; /* ga sums the changes of ln scale times a, and gb sums them times b */
 };
 
 /* Adds the lengths of dP/du and dP/dv, weighted by the triangle's area. */

@@ -18,7 +18,8 @@
 #include "base/vec.h"
 
 struct trace_plain {
-    double base[3], metallic, roughness, specular; /* c, m, roughness and s; 0 … 1 */
+    /* in the formula, base is c, metallic is m, and specular is s; all are 0 … 1 */
+    double base[3], metallic, roughness, specular;
 };
 
 /* Computes f cos θ_l. It is 0 below the horizon. */

@@ -1,7 +1,7 @@
 /*
  * A scene for ray tracing: the triangles of a glTF file in Embree, their materials, lamps, a sky
- * and a camera. z is up, and lengths are as in the file. A white diffuser has radiance 1 under a
- * directional lamp of brightness 1 along its normal, whose irradiance is π.
+ * and a camera. z is up, and lengths are as in the file. A directional lamp of brightness 1 has the
+ * irradiance π. A white diffuser that it lights along the normal has radiance 1.
  */
 #pragma once
 
@@ -73,8 +73,8 @@ void trace_scene_add_lamp(TraceScene *scene, double theta_deg, double phi_deg, d
  * above. */
 void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_deg, double fov_deg);
 
-/* Finds the nearest surface along a ray. Surfaces whose relief the ray passes above are skipped.
- * Returns FALSE if there is no surface. Any thread may call it. */
+/* Finds the nearest surface along a ray. If the ray passes above the relief of a surface, this
+ * surface is skipped. Returns FALSE if there is no surface. Any thread may call it. */
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret);
 /* Returns whether nothing lies between `from` and the point at this distance in this direction.

@@ -1,6 +1,6 @@
 /*
- * Light from infinitely far away on all sides: an environment map (scene/environment.h) whose
- * pixels have even radiance. Directions are drawn in proportion to the light of the pixels.
+ * Light from infinitely far away on all sides: an environment map (scene/environment.h). The
+ * radiance is even within a pixel. Directions are drawn in proportion to the light of the pixels.
  */
 #pragma once
 

@@ -39,9 +39,10 @@ struct trace_hit {
     struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
     struct trace_texel texel;
     double distance;
-    gint64 area;       /* index of the scene's area whose lit side was hit; −1 if there is none */
-    guint part;        /* index of the part in the glTF scene */
-    gboolean is_front; /* whether the ray meets the front side of the triangle */
+    /* index of the area of the scene that was hit on its lit side; −1 if none was hit */
+    gint64 area;
+    guint part;                  /* index of the part in the glTF scene */
+    gboolean is_front;           /* whether the ray meets the front side of the triangle */
     struct mesorig_surface mesh; /* only on a surface with relief */
 };
 

@@ -12,7 +12,7 @@
 struct Chooser {
     GDBusConnection *bus;
     GCancellable *cancel; /* cancels the calls under way; NULL if no dialog was requested */
-    int under_way;        /* number of calls whose callback has not been called yet */
+    int under_way;        /* number of calls that have not called their callback yet */
     char *request;        /* object path of the open dialog; NULL if there is none */
     guint subscription;   /* of the dialog's signal Response; 0 if there is none */
     int n_asked;          /* number of dialogs requested so far */

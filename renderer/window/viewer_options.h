@@ -51,7 +51,8 @@ void viewer_options_init(struct viewer_options *options);
  * environment. */
 void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
-/* Returns entries for an option group whose data are the options. Free them with g_free(). */
+/* Returns entries for an option group that has the options as its data. Free the entries with
+ * g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
 /* Sets defaults, and checks which options exclude each other. Call this function after parsing. The

@@ -13,7 +13,7 @@
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
-    int n_terms, n_layers;    /* n_layers: layers per term */
+    int n_terms, n_layers;    /* n_layers is the number of layers per term */
     gboolean refined;         /* level 0 has twice the resolution of the material */
     guint maps, view_weights; /* textures of eigenmaps.glsl */
     float *means;             /* mean R, G, B of each layer */

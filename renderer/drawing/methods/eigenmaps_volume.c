@@ -11,7 +11,7 @@
 #define HALF_MAX 65504.0F
 
 struct EigenmapsVolume {
-    int n_terms, n_slices; /* n_slices: of a term */
+    int n_terms, n_slices; /* n_slices is the number of slices of a term */
     guint maps, view_weights;
     struct ring_slices lights;
 };

@@ -1,9 +1,10 @@
 /*
  * Eigen-maps in the form that Wang et al. 2005 §5 describe, to compare with eigenmaps_view.h. The
- * lights are the third axis of a 3D texture of half floats, whose filter interpolates between
- * neighbouring lights of a ring (gl/ring_slices.h). A term takes the slices of all lights, and then
- * one slice for a sky of even radiance. Above the topmost ring, the light is that of the nearest
- * azimuth of this ring. There are no mip levels, because they would also average over the lights.
+ * lights are the third axis of a 3D texture of half floats. The filter of the texture interpolates
+ * between neighbouring lights of a ring (gl/ring_slices.h). A term takes the slices of all lights,
+ * and then one slice for a sky of even radiance. Above the topmost ring, the light is that of the
+ * nearest azimuth of this ring. There are no mip levels, because they would also average over the
+ * lights.
  */
 #pragma once
 

@@ -51,9 +51,10 @@ struct share {
     float weight;
 };
 
-/* Returns, for each cell of the grid, the measured directions from which it is mixed, as a GArray
- * of struct share. The weight of the pole is divided among the directions whose mean stands for the
- * pole. If fade is TRUE, the weights are multiplied by directions_fade(). */
+/* Returns, for each cell of the grid, the measured directions from which the cell is mixed, as a
+ * GArray of struct share. The mean of some directions stands for the pole. The weight of the pole
+ * is divided among these directions. If fade is TRUE, the weights are multiplied by
+ * directions_fade(). */
 static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (int cell = 0; cell < n * n; cell++) {

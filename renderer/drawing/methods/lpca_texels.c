@@ -146,8 +146,8 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
 }
 
 /* A packed material of one cluster has too many components to be drawn. Clusters such a material
- * again, with the default numbers of “mesorig compress”. Leaves every other material as it is.
- * Frees the former material. *lpca becomes NULL on error. */
+ * again, with the default numbers of “mesorig compress”. Does not change any other material. Frees
+ * the material that is replaced. *lpca becomes NULL on error. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)

@@ -81,7 +81,8 @@ static gboolean upload_skies(NeuralView *view, const struct neural *neural, GErr
     return gpu_check("the texture of the even sky", error);
 }
 
-/* Returns whether a model can be mip level `number` of the material whose level 0 is first. */
+/* Returns whether a model can be mip level `number` of a material. first is level 0 of the
+ * material. */
 static gboolean belongs(const struct neural *first, const struct neural *neural, int number) {
     return neural->n_channels == first->n_channels &&
            neural->layout.width == MAX(1, first->layout.width >> number) &&

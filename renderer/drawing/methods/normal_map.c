@@ -51,7 +51,7 @@ struct png_reading {
     const char *path;
     FILE *file;
     guint64 length;           /* length of the file, in bytes */
-    int width, height, bytes; /* bytes: bytes of a value */
+    int width, height, bytes; /* `bytes` is the number of bytes of a value */
     guint8 *rows;
     char *message;
     GError *why; /* set if decoding cannot begin */

@@ -83,7 +83,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!views)
         return FALSE;
     slices->views = direction_table_new(views, FALSE);
-    /* number of views whose mean stands for the pole */
+    /* number of views in the mean that stands for the pole */
     int n_members;
     const int *members = directions_pole(views, &n_members);
     g_autofree guint16 *indices = g_new0(guint16, MAX(1, n_members));

@@ -318,7 +318,8 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                                  direction_textures_bytes(&texture->views);
 }
 
-/* Returns the distance along the ray at texel i of a view, whose texels have these values. */
+/* Returns the distance along the ray at texel i of a view. values are the values of the texels of
+ * the view. */
 static double distance_mm(const MdfTexture *texture, const float *values, int view, gsize i) {
     return (texture->min_mm + texture->scale_mm * values[i]) /
            cos(texture->theta_deg[view] * (G_PI / 180.0));

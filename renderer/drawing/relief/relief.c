@@ -14,11 +14,11 @@ struct Relief {
     /* Shadow maps of the first lamp, and of further lamps (NULL until there are any). */
     ShadowMaps *first, *further;
     /* Values that relief_prepare() has set for relief_bind(). */
-    gboolean silhouettes, shadows; /* shadows: of the first lamp */
+    gboolean silhouettes, shadows; /* `shadows` is for the first lamp */
     gboolean curved[RELIEF_MAX_MATERIALS];
     int n_further;
     guint seen;
-    float light[3], radius, lamp_spread; /* lamp_spread: see shadow.glsl */
+    float light[3], radius, lamp_spread; /* for lamp_spread see shadow.glsl */
     guint depths; /* sampler of the depths of a shadow map; 0 before it is first used */
     float axes[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_axes() */
 };

@@ -18,8 +18,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 
 #define RELIEF_MAX_MATERIALS 16
 
-/* Sets the MDF of a material, whose number is below RELIEF_MAX_MATERIALS. NULL makes the material
- * smooth. Copies everything that it needs. On error the former MDF stays. */
+/* Sets the MDF of a material. The number of the material must be below RELIEF_MAX_MATERIALS. NULL
+ * makes the material smooth. Copies everything that it needs. On error, the previous MDF stays. */
 gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf, GError **error);
 
 /* Makes the next relief_prepare() draw all shadow maps again. Shadow maps also depend on things

@@ -41,8 +41,8 @@ struct shadow_lamp {
  * the other five maps of each lamp that has six maps. */
 int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
 
-/* Draws the maps whose lamp, mesh, tiles, MDF or options have changed since the last call. Maps
- * that are not layered allow only one lamp (n = 1), which must be far away. */
+/* Draws each map again if its lamp, mesh, tiles, MDF or options have changed since the last call.
+ * Maps that are not layered allow only one lamp (n = 1), which must be far away. */
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
                           GError **error);
