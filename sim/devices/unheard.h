@@ -10,7 +10,7 @@
 #define SIM_UNHEARD_US 500000
 
 struct sim_unheard {
-    int nth;       /* number of the command whose answer is lost; 0: none */
+    int nth;       /* number of the command that loses its answer; 0: none */
     double dead_s; /* time after command nth in which the device neither obeys nor answers */
     int n_commands;
     gint64 dead_until_us; /* end of the time dead_s, on the rig's clock */

@@ -81,7 +81,7 @@ struct VirtualGcode {
 void gcode_say(VirtualGcode *board, const char *format, ...) G_GNUC_PRINTF(2, 3);
 /* Returns the speed along the path in units/s. */
 double gcode_speed(const VirtualGcode *board, gint64 now_us);
-/* Appends a move to the planned blocks, of which there must be fewer than GCODE_BLOCKS. */
+/* Appends a move to the planned blocks. There must be fewer than GCODE_BLOCKS blocks. */
 void gcode_add_block(VirtualGcode *board, const double *to, double units_s);
 /* If the board moves, moves the target of the block under way further in the direction of the
  * motion, as if no stop had been planned at the old target. If the board stands still, begins a

@@ -216,7 +216,7 @@ static gpointer leds_run(gpointer data) {
             return NULL;
         if (fds[0].revents && read(leds->wake[0], &byte, 1) < 0)
             return NULL;
-        /* poll() always returns at once for a wire whose slave is closed. */
+        /* poll() always returns at once for a wire with a closed slave. */
         if (fds[1].revents & POLLHUP)
             g_usleep(1000);
         g_mutex_lock(&leds->mutex);

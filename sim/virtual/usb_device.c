@@ -46,7 +46,7 @@ struct VirtualUsb {
 };
 
 struct flight {
-    /* The client whose memory holds the transfer. Only that client may reap the transfer. The
+    /* The client that holds the transfer in its memory. Only this client may reap the transfer. The
      * pointer is not a reference. */
     UMockdevIoctlClient *client;
     UMockdevIoctlData *urb;

@@ -10,8 +10,8 @@
 
 typedef struct VirtualTic VirtualTic;
 
-/* Makes a Tic whose power has just been switched on. The motor may turn from 0 to travel steps
- * between its switches, and stands at `at`. If travel is 0, there are no switches and no limits. */
+/* Makes a Tic that has just been switched on. The motor may turn from 0 to travel steps between its
+ * switches, and stands at `at`. If travel is 0, there are no switches and no limits. */
 VirtualTic *virtual_tic_new(const char *serial, int port, double travel, double at);
 void virtual_tic_free(VirtualTic *tic);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)

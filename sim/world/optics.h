@@ -113,7 +113,8 @@ struct v3 optics_swing_point(const struct optics_swing *swing, double angle, str
 
 struct optics_lamp {
     struct v3 position_mm, aim; /* aim is a unit vector */
-    double exponent, intensity; /* W·sr⁻¹ */
+    /* intensity along `aim` in W·sr⁻¹; it falls with cos^exponent of the angle to `aim` */
+    double exponent, intensity;
 };
 
 /* Returns the irradiance on a surface that faces the lamp, in W·m⁻². */

@@ -38,8 +38,8 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Finds the point of the picture whose viewing ray meets point_mm, by Newton's method. The rendered
- * pictures are made with the same viewing rays. */
+/* Finds the point of the picture with the viewing ray through point_mm, by Newton's method. The
+ * rendered pictures are made with the same viewing rays. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =

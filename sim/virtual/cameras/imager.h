@@ -66,14 +66,14 @@ struct virtual_camera_faults {
     /* Only for USB3 Vision. */
     int headless; /* pictures without their leader */
     int tailless; /* pictures without their trailer */
-    int stunted;  /* pictures whose trailer ends in its middle */
+    int stunted;  /* pictures with a trailer that ends in its middle */
     int hollow;   /* leaders and trailers without a picture between them */
 };
 
 struct virtual_camera_state {
     /* `automatic`: the camera sets its exposure itself */
     gboolean controlled, acquiring, automatic;
-    int packet_size, pixel_format; /* packet_size: only for GigE Vision */
+    int packet_size, pixel_format; /* packet_size is only for GigE Vision */
     gint64 exposure_us;
     double gain_db, black_level;
     gint64 triggered_us; /* time of the last trigger that began an exposure */

@@ -50,7 +50,8 @@ static void add_integer(struct imager_xml *xml, const char *name, guint address,
     imager_xml_integer(xml, name, address, 4, access, limits);
 }
 
-/* Adds a feature whose register counts fractions of a unit: value × parts. */
+/* Adds a feature with a register that counts fractions of a unit. The register has value ×
+ * parts. */
 static void add_float(struct imager_xml *xml, const char *name, guint address, const char *unit,
                       double parts, double max) {
     g_string_append_printf(xml->text,

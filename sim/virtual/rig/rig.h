@@ -41,9 +41,9 @@ struct virtual_rig_kinds {
     const char *const *serial;
 };
 
-/* Makes a rig. path is a rig file whose drivers are all simulated. kinds may be NULL. If usb or u3v
- * names a device, the process must have begun with testbed_enter(). Returns NULL with an error if
- * the file is wrong or a device cannot be made. */
+/* Makes a rig. path is a rig file that has only drivers of simulated devices. kinds may be NULL. If
+ * usb or u3v names a device, the process must have begun with testbed_enter(). Returns NULL with an
+ * error if the file is wrong or a device cannot be made. */
 VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *kinds,
                             GError **error);
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */

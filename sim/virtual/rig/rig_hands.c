@@ -11,8 +11,8 @@ static gboolean set_cut(VirtualModbus *device, gboolean cut) {
     return TRUE;
 }
 
-/* Returns the Modbus device whose bus is at the beginning of `where`, such as "/dev/pts/5 unit 1".
- * Returns NULL if no device is on that bus. */
+/* Returns the Modbus device on the bus that is at the beginning of `where`, such as "/dev/pts/5
+ * unit 1". Returns NULL if no device is on that bus. */
 static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
     for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
         VirtualModbus *device =

@@ -45,10 +45,11 @@
 
 struct mail {
     const struct sample_options *options;
-    int n_x, n_y;      /* rings in a row, and rows, in one of the `repeats` equal pieces of the
-                        * sample; n_y is even */
-    double p_mm, q_mm; /* p, q; p / q is between 0.96 and 2.18 for samples of all sizes */
-    double ring_mm, wire_mm, tilt, sway; /* R, r, t, s */
+    /* In one of the `repeats` equal pieces of the sample: n_x is the number of rings in a row, and
+     * n_y the number of rows, which is even. */
+    int n_x, n_y;
+    double p_mm, q_mm; /* p and q; p / q is between 0.96 and 2.18 for samples of all sizes */
+    double ring_mm, wire_mm, tilt, sway; /* R, r, t and s */
 };
 
 /* Returns d(x, y): a lower bound of the distance between the centre circle of a ring of tilt t at

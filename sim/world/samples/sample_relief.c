@@ -87,7 +87,7 @@ static void brick(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.4, 0.4);
 }
 
-/* The sample is corduroy, with round wales along y, whose pile leans outwards. */
+/* The sample is corduroy, with round wales along y. The pile of the wales leans outwards. */
 static void ridges(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;

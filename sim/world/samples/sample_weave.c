@@ -14,7 +14,7 @@ struct yarn {
     gboolean warp;
     int index; /* number of the yarn among the warps or wefts */
     double at_mm, length_mm, cross_pitch_mm;
-    double middle_mm, swing_mm; /* height of the centre line, and its amplitude */
+    double middle_mm, swing_mm; /* mean height of the centre line, and amplitude of its waves */
     double half_width_mm, half_height_mm;
     float albedo[3];
     guint64 seed;
