@@ -19,8 +19,9 @@ Compose *compose_new(GError **error);
 void compose_free(Compose *compose); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Compose, compose_free)
 
-/* These functions work like viewer_draw(). With COMPOSE_ONE, second may be NULL. compose_render()
- * returns width × height × 3 bytes, sRGB, top row first; free it with g_free(). */
+/* compose_draw() works like viewer_draw(). compose_render() returns the same picture as width ×
+ * height × 3 bytes, sRGB, top row first, or NULL on error. Free it with g_free(). With COMPOSE_ONE,
+ * second may be NULL. */
 gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
                       const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error);

@@ -1,5 +1,5 @@
 /* Compares a drawing method with the measurement. A rectified picture of the session is shown next
- * to the picture that the method draws for the same directions of view and light. */
+ * to the picture that the method draws for the same view and light. */
 #pragma once
 
 #include "reference.h"

@@ -24,7 +24,7 @@ gboolean picture_write_exr(const char *path, const float *rgb, int width, int he
                            const char *const *texts, GError **error);
 
 /* Between these two calls, printf() and similar functions write numbers with a decimal point in
- * this thread, whatever the user's locale. Use them when you format numbers for texts.
+ * this thread, whatever the user's locale. Call them around code that formats numbers for texts.
  * picture_numbers_end() takes the result of picture_numbers_begin(). */
 locale_t picture_numbers_begin(void);
 void picture_numbers_end(locale_t before);

@@ -289,8 +289,8 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* Returns the index map or the hexagons of a material. Only the main material can have them, and
- * only if its method has a material file. */
+/* Returns the index map or the hexagons of a material. Only the main material can have one of them,
+ * and only if its method has a material file. */
 static struct places_source places(const Viewer *viewer, int material,
                                    const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;

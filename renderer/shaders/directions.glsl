@@ -5,7 +5,7 @@ vec2 square(vec3 d) {
     return clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
 }
 
-// Finds the up to four measured directions around d, and their weights; see direction_table.h.
+// Finds at most four measured directions around d, and their weights; see direction_table.h.
 // Weights are interpolated bilinearly between cells of the table that have the same four
 // directions.
 vec4 direction_shares(usampler2D indices, sampler2D weights, vec3 d, out uvec4 index) {

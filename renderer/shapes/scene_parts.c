@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest difference of height in a floor, and largest distance of its sides from the scene's,
- * relative to the diagonal of the scene's base. */
+/* Largest difference of height in a floor, and largest distance of the sides of a floor from the
+ * sides of the scene. Both are relative to the diagonal of the base of the scene. */
 #define FLAT 1e-4
 
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error) {

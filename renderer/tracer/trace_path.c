@@ -105,8 +105,9 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
     path_add(path, reflected, area->emission, path_weight(density, other) / density);
 }
 
-/* Returns the share of a spot lamp's intensity at the cosine cos_off from its axis, as glTF defines
- * it: full light at the inner cone's cosine, none at the outer one's, with a squared transition. */
+/* Returns the share of a spot lamp's intensity in a direction, as glTF defines it. cos_off is the
+ * cosine of the angle between the direction and the axis of the lamp. The share is 1 within the
+ * inner cone and 0 outside the outer cone, with a squared transition. */
 static double lamp_cone(const struct gltf_lamp *lamp, double cos_off) {
     const double range = fmax(lamp->inner_cos - lamp->outer_cos, 1e-3);
     const double inside = CLAMP((cos_off - lamp->outer_cos) / range, 0.0, 1.0);

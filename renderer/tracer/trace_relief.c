@@ -17,8 +17,8 @@ static gboolean meets_from(const struct trace_hit *end, struct vec3 v, double ha
            distance >= 0.0F;
 }
 
-/* z of the back face's frame points to the inside of the mesh, from which the ray comes. Here this
- * z is turned outwards. */
+/* In the frame of the back face, z points to the inside of the mesh, because the ray comes from
+ * there. Here z is turned outwards. */
 gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
                             struct vec3 direction) {
     const double way = vec3_length(vec3_sub(back->position, front->position));

@@ -1,8 +1,8 @@
 /*
  * The materials of the surfaces of a scene, captured or plain. The functions compute the light that
  * a surface reflects from one direction, and draw directions to follow. Directions are in the frame
- * of the surface: x along the texture's u, y along its v upwards, z along the normal. Any thread
- * may call these functions.
+ * of the surface: x is along u of the texture, y along v upwards, and z along the normal. Any
+ * thread may call these functions.
  */
 #pragma once
 

@@ -158,7 +158,7 @@ void trace_texture_free(TraceTexture *texture) {
 }
 
 /* Returns the index, 0 … n − 1, of the pixel that is shown at position k of a row or column of n
- * pixels. k may lie beyond its ends. */
+ * pixels. k may lie beyond the ends of the row or column. */
 static int texture_wrapped(double k, int n, enum gltf_wrap wrap) {
     if (wrap == GLTF_WRAP_CLAMP)
         return (int)CLAMP(k, 0.0, n - 1.0);

@@ -1,7 +1,7 @@
 /*
  * A picture on a surface: a PNG or JPEG, decoded to linear light. It is interpolated bilinearly.
- * Beyond its edges it is repeated, mirrored or clamped as glTF's samplers say. Any thread may read
- * it after it was made.
+ * Beyond its edges, it is repeated, mirrored or clamped as the sampler of the glTF file says. Any
+ * thread may read a texture after it was made.
  */
 #pragma once
 

@@ -33,7 +33,7 @@ Opener *opener_new(struct GLFWwindow *window, GError **error);
 void opener_free(Opener *opener);
 
 /* Requests to open a file for a place. Cancels and replaces an earlier request for this place.
- * method is NULL for places other than OPENER_FIRST and OPENER_SECOND. */
+ * method must be NULL for places other than OPENER_FIRST and OPENER_SECOND. */
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
 

@@ -112,7 +112,7 @@ static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, i
 }
 
 /* Allocates the texture. It has a level of twice the resolution (refined) if that level fits into
- * FINE_BYTES and its sides into the limit of the graphics card. */
+ * FINE_BYTES and its sides are within the limit of the graphics card. */
 static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
     gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;

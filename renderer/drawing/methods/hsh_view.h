@@ -1,7 +1,7 @@
 /*
  * Hemispherical harmonics (hsh.h) on the graphics card. The coefficients of each view are the
- * layers of one array texture of half floats, in the order of the file. The up to four measured
- * views around v are evaluated, and the results are interpolated bilinearly in θ and φ, as for ptm
+ * layers of one array texture of half floats, in the order of the file. Up to four measured views
+ * around v are evaluated, and the results are interpolated bilinearly in θ and φ, as for ptm
  * (lobes_view.h). Negative values become black.
  *
  * Mip levels are made on the card. The reflectance f is linear in its coefficients c_i, so the mean

@@ -2,9 +2,9 @@
  * Analytic models of each texel (lobes.h) on the graphics card. Their values are the layers of one
  * array texture of half floats, in the order of the file.
  *
- * A reflectance field or polynomial belongs to one view. The models of the up to four measured
- * views around v are evaluated, and the results are interpolated bilinearly in θ and φ (Meseth et
- * al. 2003 §5.4, with direction_table.h instead of the paper's cube maps). If the pole was not
+ * A reflectance field or polynomial belongs to one view. The models of up to four measured views
+ * around v are evaluated, and the results are interpolated bilinearly in θ and φ (Meseth et al.
+ * 2003 §5.4, with direction_table.h instead of the paper's cube maps). If the pole was not
  * measured, the mean of the topmost ring stands for it.
  *
  * In the models of Ward and of Ashikhmin and Shirley, the tangent has the azimuth of the surface's

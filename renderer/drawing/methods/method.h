@@ -13,7 +13,7 @@ typedef struct Directions Directions; /* directions/directions.h */
 /* The texture units 0 … 7 belong to the method. The viewer and the relief use higher units. */
 #define METHOD_UNITS 8
 
-/* How microfacets follow a normal that differs from the surface's (Kang & Cho 2011). */
+/* How microfacets follow a normal that differs from the normal of the surface (Kang & Cho 2011). */
 enum method_rotation {
     METHOD_ROTATION_EXACT,       /* eq. 4 … 6 */
     METHOD_ROTATION_APPROXIMATE, /* eq. 9 … 11; not orthonormal if the normal leans along y */

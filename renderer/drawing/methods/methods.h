@@ -10,9 +10,9 @@ extern const struct method *const methods[];
 
 const struct method *method_find(const char *name); /* NULL if there is none */
 
-/* Returns the method that draws a session unless the user names one: lpca if the session has a
- * local PCA that is not older than its eigen-maps, otherwise the first of the table for which the
- * session has a product. Returns NULL if the session has no product. */
+/* Returns the method that draws a session unless the user names one. This is lpca if the session
+ * has a local PCA that is not older than its eigen-maps. Otherwise it is the first method of the
+ * table for which the session has a product. Returns NULL if the session has no product. */
 const struct method *method_of_session(const char *session);
 
 /* Returns the path of a method's file. argument is a file or the directory of a session. A

@@ -1,7 +1,7 @@
 /*
- * Shiny surfaces with anisotropic microfacets, and with normals that differ from the surface's
- * (Kang & Cho 2011). Vectors are in the frame of the surface: z is its normal, x the direction of
- * U. The formula is in microfacet.glsl.
+ * Shiny surfaces with anisotropic microfacets, and with normals that differ from the normal of the
+ * surface (Kang & Cho 2011). Vectors are in the frame of the surface: z is the normal of the
+ * surface, and x the direction of U. The formula is in microfacet.glsl.
  */
 #pragma once
 

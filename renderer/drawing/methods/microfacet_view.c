@@ -7,8 +7,9 @@
 #include <math.h>
 
 #define SIZE 256 /* width and height of the normal map, for one tile */
-/* YARNS: yarns per tile in each direction. ACROSS, ALONG: largest slope of a yarn across it and
- * along it. BUMP_RADIUS: in widths of a boss's cell. BUMP_SLOPE: largest slope of a boss. */
+/* YARNS: number of yarns per tile in each direction. ACROSS: largest slope of a yarn across the
+ * yarn. ALONG: largest slope along the yarn. BUMP_RADIUS: radius of a boss, in widths of its cell.
+ * BUMP_SLOPE: largest slope of a boss. */
 #define YARNS       16
 #define ACROSS      0.8F
 #define ALONG       0.45F

@@ -17,7 +17,7 @@ struct MdfTexture {
     guint depths;
     struct direction_textures views; /* directions of views; 0 for factors */
     /* Weights of the factors (mdf_factors.h) by direction: W_1 … W_c, four per layer, and W_0 in
-     * the last layer. 0 for views. */
+     * the last layer. 0 for an MDF of views. */
     guint factors;
     int n_terms;             /* c, see mdf_factors.h; 0 for views */
     double scale_mm, min_mm; /* depth of a view = min_mm + scale_mm · value */
@@ -26,8 +26,9 @@ struct MdfTexture {
     float *theta_deg, *phi_deg; /* n_views elements */
     struct mdf_table *measured; /* copy of the measured views */
     guint shell;                /* texture; 0 before it is first used */
-    /* For along.glsl: directions of the measured views, their depths as shares of the deepest, and
-     * their triangulation; 0 before they are first used. */
+    /* For along.glsl. along_views has the directions of the measured views, along_depths their
+     * depths as shares of the largest depth, and `along` their triangulation. All are 0 before they
+     * are first used. */
     guint along_views, along_depths;
     struct direction_textures along;
     double most_per_mm, top_mm; /* as in mdf_shell.h */

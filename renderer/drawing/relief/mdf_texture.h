@@ -34,7 +34,7 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
  * takes about a second for 60 views of 64² texels. Shaders are compiled with MDF_SHELL 1. Fails if
- * the shell is too large for the card. The texture must then be freed. */
+ * the shell is too large for the card. After a failure, the MdfTexture must be freed. */
 gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
 
 /* Makes the depths of the measured views and the triangulation of these views, for along.glsl.

@@ -47,8 +47,8 @@ struct relief_scene {
     int n_further;          /* number of further lamps */
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
     /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size
-     * if there are at most 4 maps, half the size for at most 16, and a quarter beyond. Some near
-     * lamps have six maps (shadow_maps.h). */
+     * if there are at most 4 maps, half the size if there are at most 16, and otherwise a quarter
+     * of the size. Some near lamps have six maps (shadow_maps.h). */
     int shadow_size;
 };
 

@@ -1,9 +1,9 @@
 /*
  * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map. A
- * lamp with a cone of at most 75° half-angle, or a lamp without a cone at least 1.2 radii of the
- * mesh from the origin, has one perspective map. Any other near lamp has six maps, the faces of a
- * cube around the lamp. A map stores the depth of the base of the structure, because shadows of the
- * structure on itself are already part of the BTF.
+ * near lamp with a cone of at most 75° half-angle has one perspective map. So has a lamp without a
+ * cone that is at least 1.2 radii of the mesh from the origin. Any other near lamp has six maps,
+ * the faces of a cube around the lamp. A map stores the depth of the base of the structure, because
+ * shadows of the structure on itself are already part of the BTF.
  */
 #pragma once
 
