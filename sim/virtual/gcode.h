@@ -1,13 +1,13 @@
 /*
  * A virtual board that moves axes by G-code on a pseudo-terminal, in a separate thread and in real
- * time. It speaks GRBL 1.1h, Marlin 2 or Klipper, as far as a program that moves single axes sees
- * them. It is for tests, and for mesorig-rig.
+ * time. It speaks the part of GRBL 1.1h, Marlin 2 or Klipper that a program needs to move single
+ * axes. It is for tests, and for mesorig-rig.
  *
  * With GRBL, the board understands "$H", "$HX" (if single_homing), "$X", "$$", "$I", "$C", G0, G1,
  * G4, G21, G53, G90, G91 and G94, and the characters "?", "!", "~", Ctrl-X and 0x84. Bytes that do
  * not fit into the receive buffer of 127 bytes are lost. The planner has room for 15 blocks. The
- * board raises the alarms 1, 2, 3, 6, 7 and 9. After the alarms 1 and 2 it answers nothing until
- * Ctrl-X. While it homes, it is silent. With Marlin, the board understands line numbers and
+ * board raises the alarms 1, 2, 3, 6, 7 and 9. After the alarms 1 and 2, it answers nothing until
+ * Ctrl-X. While it homes, it answers nothing. With Marlin, the board understands line numbers and
  * checksums, G1, G28, G90, M110, M112, M114, M115, M400, M410 and M503. It sends "echo:busy:
  * processing" while a command runs. With emergency_parser, M112 and M410 act even while a command
  * runs. With Klipper, the board understands ECHO, FIRMWARE_RESTART, G1, G28, G90, M112, M114, M115,

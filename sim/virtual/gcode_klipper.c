@@ -116,8 +116,8 @@ static void list_limits(VirtualGcode *board) {
     gcode_say(board, "// square_corner_velocity: 5.000000");
 }
 
-/* Carries out a command that a Klipper that is not ready also knows. Returns FALSE if the command
- * is another one. */
+/* Carries out a command that Klipper knows even before it is ready. Returns FALSE for any other
+ * command. */
 static gboolean execute_always(VirtualGcode *board, const char *line) {
     if (g_str_has_prefix(line, "ECHO ")) {
         gcode_say(board, "// %s", line);

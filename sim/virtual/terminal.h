@@ -21,9 +21,10 @@ struct terminal {
  * POLLHUP while no program has the port open. */
 gboolean terminal_open(struct terminal *terminal, const char *link, gboolean reports_opening);
 
-/* Closes the wire, so that the program at the port is told that it has hung up. No other program
- * gets a terminal with the same number before the next call of terminal_unplug() or
- * terminal_close(). A driver holds the lock of the number until it opens the port again. */
+/* Closes the wire, so that the system tells the program at the port that the line has hung up.
+ * Keeps the number of the terminal in use until the next call of terminal_unplug() or
+ * terminal_close(), so that no other program gets it. This is necessary because a driver keeps its
+ * lock of the number until it opens the port again. */
 void terminal_unplug(struct terminal *terminal);
 
 /* Closes all descriptors. */

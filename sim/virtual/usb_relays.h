@@ -8,8 +8,8 @@
 typedef struct VirtualRelays VirtualRelays;
 
 /* Makes a board. name is "USBRelay4" for a board of four relays. Another name makes a different
- * device with the same USB ids; its last character is the number of relays. If second is TRUE, the
- * HID interface has number 1 and follows another interface. */
+ * device with the same USB ids. The last character of the name is the number of relays. If second
+ * is TRUE, the HID interface has number 1 and follows another interface. */
 VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port, gboolean second);
 void virtual_relays_free(VirtualRelays *relays);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRelays, virtual_relays_free)

@@ -13,8 +13,8 @@
 
 typedef struct VirtualWled VirtualWled;
 
-/* Makes a controller with n LEDs at this address. Like a new controller, it is on until a program
- * switches it off. */
+/* Makes a controller with n LEDs at this address. Like a new WLED, the controller is on until a
+ * program switches it off. */
 VirtualWled *virtual_wled_new(const char *address, int n, GError **error);
 void virtual_wled_free(VirtualWled *wled); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualWled, virtual_wled_free)

@@ -59,7 +59,7 @@ struct optics_camera {
      * magnified by 1 − lateral_colour. */
     double lateral_colour;
     double veiling_glare; /* share of the mean light of the picture that is added everywhere */
-    /* the values of the right half of the sensor are larger by this share */
+    /* the signal of the right half of the sensor is larger by this share */
     double half_gain_step;
     double column_offset; /* standard deviation of the columns' offsets, as a part of full scale */
     guint64 columns_key;  /* seed of the columns' offsets */
@@ -138,12 +138,12 @@ struct optics_laser {
 /* Returns the sweep angle at which the middle of the sheet's profile goes through a point. */
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);
 
-/* Returns the irradiance at the middle of the line on a surface that faces the laser, in W·m⁻².
- * Returns 0 outside of the fan. */
+/* Returns the irradiance at the middle of the laser's line, on a surface that faces the laser, in
+ * W·m⁻². Returns 0 outside of the fan. */
 double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
 
-/* Adds the light that lens and sensor scatter over the whole picture: veiling_glare times the mean
- * of the pixels behind the same filter. */
+/* Adds the light that lens and sensor scatter over the whole picture. For each pixel, this is
+ * veiling_glare times the mean of all pixels behind the same filter. */
 void optics_add_glare(const struct optics_camera *camera, float *rate);
 
 /* Computes what a sensor reads, in DN, from a picture of rates in DN·s⁻¹, with photon and read

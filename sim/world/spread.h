@@ -1,8 +1,8 @@
 /*
  * This module chooses the sample positions of a pixel. The density of the positions is the square
- * of the pixel convolved with the blur of the lens, and the positions are evenly spread
- * (stratified). Each pixel of each view has other positions. With independent random positions, a
- * few samples would locate an edge no better than a camera with a few electrons.
+ * area of the pixel, convolved with the blur of the lens. The positions are evenly spread
+ * (stratified). Each pixel of each view has different positions. With a few independent random
+ * positions per pixel, an edge would appear as noisy as in a camera with a few electrons per pixel.
  *
  * Any thread may call the functions.
  */
@@ -12,7 +12,9 @@
 
 #define SPREAD_STEPS 512
 
-struct spread { /* point spread of a lens: quantiles of its horizontal profile, in px */
+/* quantiles, in px, of the horizontal profile of a pixel that is convolved with the blur of the
+ * lens */
+struct spread {
     double at_px[SPREAD_STEPS + 1];
 };
 

@@ -98,7 +98,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
  * filters, photon and read noise, black level and ADC. If the turntable turned during the exposure,
  * the light is the mean of several poses, at most 32. The number of poses is chosen so that the
  * sample's edge moves by at most an eighth of a pixel between two poses, if 32 poses are enough.
- * The noise depends only on noise_key, the camera and the pixel. ret_pixels receives height × width
- * values. Any thread may call this function. */
+ * The noise depends only on the seed of the world, noise_key, the camera and the pixel. ret_pixels
+ * receives height × width values. Any thread may call this function. */
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels);

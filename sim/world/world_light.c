@@ -152,7 +152,7 @@ static void add_point(GArray *points, const struct surface *surface, enum cfa_co
 }
 
 /* Adds the points of a pixel to points. *ret_weight is the weight of each point (struct view). A
- * pixel that shows only the turntable has no detail, so it has one point. */
+ * pixel that shows only the turntable has no detail, so one point is enough. */
 static void add_pixel(const struct view_job *job, int x, int y, GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;

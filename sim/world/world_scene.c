@@ -52,9 +52,9 @@ guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float 
 }
 
 /* Finds the vertices that rays from a vertex hit, for scene->gather. A direction is the sum of the
- * normal and a random point on the unit sphere, which makes the directions cosine-weighted. The
- * random points come from a unit square that is cut into n_gather columns with one point in each
- * column, which makes the directions stratified. */
+ * normal and a random point on the unit sphere. The directions are therefore cosine-weighted. The
+ * random points come from a unit square that is cut into n_gather columns, with one point in each
+ * column. The directions are therefore stratified. */
 static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectContext *context,
                         struct sample_random *random) {
     const struct vertex *from = &scene->vertices[vertex];

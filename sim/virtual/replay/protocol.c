@@ -110,8 +110,8 @@ static GBytes *adapt_leds(GBytes *message, const guint8 *request, gsize n) {
 /* Modbus: unit, function and data. Functions 1 to 4 read. */
 #define FIRST_WRITE 5
 
-/* Returns whether a number after a key of the sections is the address: "watchdog = 5=1;7=0",
- * "watchdog_register = 6". */
+/* Returns whether a key of the sections has the address as one of its numbers. For "watchdog =
+ * 5=1;7=0", these are 5 and 7. For "watchdog_register = 6", it is 6. */
 static gboolean has_address(const char *sections, const char *key, gulong address) {
     g_autofree char *mark = g_strdup_printf("\n%s = ", key);
     for (const char *at = sections; (at = strstr(at, mark));) {
@@ -159,8 +159,8 @@ static char *stream_udp(const guint8 *key, gsize n, const char *sections) {
     return n > 4 && key[0] == 4 ? g_strdup_printf("WLED %d", key[2] << 8 | key[3]) : hex(key, n);
 }
 
-/* Requests of WLED by HTTP ask for a state, or set the one that is confirmed. The driver repeats
- * them until the answer is young enough. */
+/* A request to WLED by HTTP asks for a state, or sets the state that the driver confirms. The
+ * driver repeats such a request until the answer is recent enough. */
 static char *stream_http(const guint8 *key, gsize n, const char *sections) {
     return g_strdup("HTTP");
 }

@@ -29,7 +29,7 @@ struct virtual_rig_device {
     char *where;   /* address of the device, such as "127.77.4.9" or "/dev/pts/5 unit 1" */
 };
 
-/* Names of devices that are to be of another kind than usual. Each member is an array of names that
+/* Names of devices that will be of another kind than usual. Each member is an array of names that
  * ends with NULL. The name "all" means all devices of the kind. A member that is NULL means no
  * device. */
 struct virtual_rig_kinds {
