@@ -116,7 +116,7 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
         const struct gltf_transform p = product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);
         if (mesh < 0 && json_object_has_member(node, "mesh"))
-            mesh = G_MAXINT; /* no file has so many meshes, so that using it gives an error */
+            mesh = G_MAXINT; /* no file has a mesh of this number, so that its use gives an error */
         if (!walk->visit(walk->gltf, &p, node, mesh, walk->data, error) ||
             !visit_nodes(walk, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;

@@ -23,7 +23,8 @@ struct gltf_material {
     float base[3], metallic, roughness;
     float specular;    /* specularFactor; 0 means that non-metals have no surface reflection */
     float emission[3]; /* radiance that its front side emits */
-    /* The file of the base colour texture, by which base is multiplied. NULL if there is none. */
+    /* The file of the base colour texture. `base` is multiplied by this texture. NULL if there is
+     * none. */
     GBytes *picture;
     /* Reason why the file of the texture could not be read. NULL if it was read, or if there is no
      * texture. */
@@ -46,12 +47,13 @@ struct gltf_lamp {
     double position[3], towards[3]; /* `towards` is the unit vector along which the light goes */
     /* Irradiance of a directional lamp, radiant intensity of others. */
     double rgb[3];
-    /* Cone of a spot lamp: full light within the inner cone, none outside the outer one. */
+    /* Cosines of the half-angles of a spot lamp's cones. Within the inner cone the light is full.
+     * Outside the outer cone there is no light. */
     double inner_cos, outer_cos;
 };
 
 struct gltf_camera {
-    /* eye is the position. The others are unit vectors; back points from the scene to the
+    /* `eye` is the position. The others are unit vectors. `back` points from the scene to the
      * camera. */
     double eye[3], right[3], up[3], back[3];
     double fov_y_rad;

@@ -81,8 +81,8 @@ static void trace_main_tell(const struct work_progress *progress, gpointer cance
         g_printerr("\r\033[K");
 }
 
-/* Parses n_least to 3 numbers, separated by commas. Numbers that are not given keep their
- * values. */
+/* Parses at least n_least and at most 3 numbers, separated by commas. Elements of ret for which no
+ * number is given keep their values. */
 static gboolean trace_main_numbers(const char *option, const char *text, int n_least, double ret[3],
                                    GError **error) {
     g_auto(GStrv) parts = g_strsplit(text, ",", -1);

@@ -2,7 +2,7 @@
 
 #include <glib.h>
 
-#define MIN_ALPHA  1e-3 /* minimum of α; smoother surfaces are treated as if they had it */
+#define MIN_ALPHA  1e-3 /* minimum of α; smoother surfaces get this α */
 #define DIELECTRIC 0.04 /* F0 for a refractive index of 1.5 */
 
 static double plain_alpha(const struct trace_plain *p) {

@@ -14,8 +14,9 @@ struct Chooser {
     GCancellable *cancel; /* cancels the calls under way; NULL if no dialog was requested */
     int under_way;        /* number of calls that have not called their callback yet */
     char *request;        /* object path of the open dialog; NULL if there is none */
-    guint subscription;   /* of the dialog's signal Response; 0 if there is none */
-    int n_asked;          /* number of dialogs requested so far */
+    /* id of the subscription to the dialog's signal Response; 0 if there is none */
+    guint subscription;
+    int n_asked; /* number of dialogs requested so far */
     enum chooser_what what;
     char *folder, *name;
     enum chooser_state state; /* next result of chooser_poll() */

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define MIN_PICTURE                                                                                \
-    64 /* minimum width of the picture in pixels; the panel is hidden if it would leave less */
+    64 /* minimum width of the picture in pixels; the panel is hidden if less would be left */
 
 /* Returns the width of the panel, at the left of the window, in framebuffer pixels. Returns 0 if
  * the panel is folded or hidden. */

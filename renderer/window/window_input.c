@@ -249,7 +249,8 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
                            glfwGetKey(glfw, GLFW_KEY_RIGHT_SHIFT) == GLFW_PRESS;
     const gboolean left = glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_LEFT) == GLFW_PRESS;
     if ((left && shift) || glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_MIDDLE) == GLFW_PRESS) {
-        /* Size of a pixel at the distance of the point that the camera looks at, in radii. */
+        /* Size of a pixel at the distance of the point that the camera looks at, in radii of the
+         * mesh. */
         int width, height;
         glfwGetWindowSize(glfw, &width, &height);
         if (window_has_panel(w))

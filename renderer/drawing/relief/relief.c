@@ -188,7 +188,8 @@ void relief_bind(const Relief *relief, int material, guint program) {
                      relief->silhouettes ? relief->seen : 0);
     gpu_bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
                      relief->shadows ? shadow_maps_texture(relief->first) : 0);
-    /* With sharp shadows the sampler is not used, and shares the unit of a sampler of its type. */
+    /* With sharp shadows, shadow_depths is not used. It then gets the unit of another sampler of
+     * the same type, because samplers of different types must not share a unit. */
     if (relief->lamp_spread > 0.0F) {
         gpu_bind_texture(program, "shadow_depths", RELIEF_DEPTHS_UNIT, GL_TEXTURE_2D,
                          shadow_maps_texture(relief->first));

@@ -30,7 +30,7 @@ struct visibility_options {
     /* Largest number of tested pairs of front and back faces behind each other. */
     int layers;
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
-    /* Distances are read from volumes, as in that paper, for each part that has a volume. */
+    /* Distances are read from volumes, as in Wang et al. 2005, for each part that has a volume. */
     gboolean volume;
     /* Distances are mixed from those of the nearest views. If none of straight, volume and views is
      * set, rays are marched through the shell of the MDF. */
