@@ -7,7 +7,7 @@
  * of the data, and a number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
-#define RESPONSE_MS 200 /* longest time of an answer, enough for a busy computer */
+#define RESPONSE_MS 200 /* longest time until an answer; it is enough for a busy computer */
 #define ALIGNMENT   3   /* sizes of transfers are multiples of 2^ALIGNMENT bytes */
 #define SUPER_SPEED 8
 

@@ -360,7 +360,7 @@ static gboolean open_tcp(struct bus *bus, const char *host) {
     return bus->listens >= 0;
 }
 
-/* The program connects its input and output to the socket. */
+/* Makes the socket to which the program connects its input and output. */
 static gboolean open_socket(struct bus *bus, int number) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     g_snprintf(address.sun_path, sizeof address.sun_path, "%s/%d", bus->replay->folder, number);
