@@ -45,9 +45,9 @@ static void path_add(struct path *path, const double reflected[3], const double 
         path->light[c] += path->share[c] * reflected[c] * radiance[c] * factor;
 }
 
-/* Computes the reflectance for light from a direction. Returns FALSE if the reflectance is 0, or if
- * the direction is behind the triangle. An interpolated normal alone may not show that a direction
- * is behind the triangle. */
+/* Sets ret_rgb to f cos θ_l for light from a direction. Returns FALSE if this is 0, or if the
+ * direction is behind the triangle. An interpolated normal alone may not show that a direction is
+ * behind the triangle. */
 static gboolean path_reflects(const struct trace_hit *hit, struct vec3 view, struct vec3 towards,
                               double ret_rgb[3]) {
     if (vec3_dot(towards, hit->facet) <= 0.0)

@@ -22,7 +22,7 @@ struct trace_plain {
     double base[3], metallic, roughness, specular;
 };
 
-/* Computes f cos θ_l. It is 0 below the horizon. */
+/* Sets ret_rgb to f cos θ_l, which is 0 below the horizon. */
 void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, struct vec3 light,
                           double ret_rgb[3]);
 /* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)

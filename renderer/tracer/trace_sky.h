@@ -15,12 +15,12 @@ TraceSky *trace_sky_new(const struct environment *environment, double turn_deg);
 void trace_sky_free(TraceSky *sky); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceSky, trace_sky_free)
 
-/* Computes the radiance. towards is a unit vector towards the sky. Any thread may call this
- * function and the next two. */
+/* Sets ret_rgb to the radiance that comes from a direction. towards is the unit vector towards the
+ * sky. Any thread may call this function and the next two. */
 void trace_sky_radiance(const TraceSky *sky, struct vec3 towards, double ret_rgb[3]);
 /* Returns the density per solid angle with which trace_sky_draw() draws a direction. */
 double trace_sky_density(const TraceSky *sky, struct vec3 towards);
-/* Draws a direction and computes the radiance from there. Returns the density per solid angle of
- * the direction. */
+/* Draws a direction *ret_towards, and sets ret_rgb to the radiance from there. Returns the density
+ * per solid angle of the direction. random has two numbers from 0 to 1. */
 double trace_sky_draw(const TraceSky *sky, const double random[2], struct vec3 *ret_towards,
                       double ret_rgb[3]);

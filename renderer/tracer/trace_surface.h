@@ -50,8 +50,8 @@ struct trace_hit {
  * the hemisphere. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
-/* Computes f cos θ_l: the radiance reflected towards view for a radiance from light, per solid
- * angle. */
+/* Sets ret_rgb to f cos θ_l: the radiance reflected towards view for a radiance from light, per
+ * solid angle. */
 void trace_surface_evaluate(const struct trace_surface *surface, struct trace_texel at,
                             struct vec3 view, struct vec3 light, double ret_rgb[3]);
 /* Draws a light direction. Returns the density per solid angle of *ret_light, or 0 if the light is

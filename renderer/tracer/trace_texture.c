@@ -23,7 +23,8 @@ static void no_memory(GError **error) {
                         "there is not enough memory for the picture; make it smaller");
 }
 
-/* Decodes a PNG. Returns NULL with an error on failure. Free the result with g_free(). */
+/* Decodes a PNG. ret_size receives the width and height. Returns the rows from the top, 3 bytes per
+ * pixel, or NULL with an error. Free the result with g_free(). */
 static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
                                  GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -82,7 +83,7 @@ static void jpeg_message(j_common_ptr codec, int level) {
         trace_texture_jpeg_error(codec);
 }
 
-/* Decodes a JPEG. Returns NULL with an error on failure. Free the result with g_free(). */
+/* Decodes a JPEG, like trace_texture_png(). */
 static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size[2],
                                   GError **error) {
     struct jpeg_decompress_struct codec;

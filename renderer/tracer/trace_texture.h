@@ -19,6 +19,6 @@ typedef struct trace_texture TraceTexture;
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
 
-/* Computes the linear colour at texture coordinates. As elsewhere in the tracer, v increases
+/* Sets ret_rgb to the linear colour at texture coordinates. As elsewhere in the tracer, v increases
  * upwards from the lowest row. */
 void trace_texture_colour(const TraceTexture *texture, double u, double v, double ret_rgb[3]);

@@ -13,8 +13,8 @@ enum series_error {
 
 #define SERIES_MAX 100
 
-/* Parses rising percentages from 1 to 100, such as "20,40,100". Returns how many there are, or 0 if
- * text is not such a list or has more than SERIES_MAX numbers. */
+/* Parses rising percentages from 1 to 100, such as "20,40,100", into ret_percent. Returns how many
+ * there are, or 0 if text is not such a list or has more than SERIES_MAX numbers. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
 /* Blocks until percent % of the planned views, and at least one of them, are measured. Returns all

@@ -246,8 +246,8 @@ void gpu_fill_screen(void) {
     glDeleteVertexArrays(1, &empty);
 }
 
-/* Returns the pixel format and type of an internal format, or GL_RGBA and GL_FLOAT if it is
- * unknown. */
+/* Sets *ret_format and *ret_type to the pixel format and type of an internal format, or to GL_RGBA
+ * and GL_FLOAT if the internal format is unknown. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     static const struct {
         int internal_format;

@@ -25,8 +25,8 @@ struct microfacet {
  */
 enum microfacet_surface { MICROFACET_METAL, MICROFACET_FABRIC };
 
-/* For tests: computes the material and the normal at texel coordinates x (see method.h), without
- * filtering. */
+/* For tests: computes the material *ret_surface and the normal *ret_normal at texel coordinates x
+ * (see method.h), without filtering. */
 void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
                            const double x[2], struct microfacet *ret_surface,
                            struct vec3 *ret_normal);
