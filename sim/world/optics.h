@@ -146,8 +146,8 @@ double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
  * veiling_glare times the mean of all pixels behind the same filter. */
 void optics_add_glare(const struct optics_camera *camera, float *rate);
 
-/* Computes what a sensor reads, in DN, from a picture of rates in DN·s⁻¹, with photon and read
- * noise, black level, offsets of columns, gain of the two halves, saturation and ADC. If rate is
- * NULL, the picture is dark. */
+/* Sets ret_pixels to what a sensor reads, in DN, for a picture of rates in DN·s⁻¹. Includes photon
+ * and read noise, black level, offsets of columns, gain of the two halves, saturation and ADC. If
+ * rate is NULL, the picture is dark. */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

@@ -21,9 +21,9 @@ struct spread {
 /* Initializes a spread. blur_px is the standard deviation of the lens's blur, above 0. */
 void spread_init(struct spread *spread, double blur_px);
 
-/* Computes across² positions, x and y of each, relative to the pixel's centre. Each cell of a grid
- * of across × across cells has one position. Each of across² columns and each of across² rows of
- * the pixel also has one position (Kensler 2013, correlated multi-jittering). across is at most
- * 16. */
+/* Sets ret_xy_px to across² positions: x and y of each position, relative to the pixel's centre.
+ * Each cell of a grid of across × across cells has one position. Each of across² columns and each
+ * of across² rows of the pixel also has one position (Kensler 2013, correlated multi-jittering).
+ * across is at most 16. */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

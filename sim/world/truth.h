@@ -18,8 +18,8 @@ struct truth_grid {
  * angle, without backlash and position errors. */
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
-/* Converts a point from the sample frame to the rig frame with the turntable at an angle. This
- * includes the wobble of the bearing. */
+/* Converts the point sample_mm of the sample frame to the point ret_rig_mm of the rig frame, with
+ * the turntable at an angle. This includes the wobble of the bearing. */
 void truth_to_rig(World *world, double turntable_deg, const double sample_mm[3],
                   double ret_rig_mm[3]);
 
@@ -30,8 +30,8 @@ struct truth_camera {
 };
 void truth_camera(World *world, int camera, struct truth_camera *ret);
 
-/* Projects a point of the rig frame with the true camera, for green light. The point may be hidden
- * or outside of the picture. */
+/* Projects a point of the rig frame with the true camera, for green light. ret_xy_px is the point
+ * in the picture. The point may be hidden or outside of the picture. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
 
 struct truth_arc {       /* the true axis of the arc, in the rig frame */
@@ -51,8 +51,8 @@ struct truth_swing {
 void truth_arm(World *world, struct truth_swing *ret);
 void truth_probe(World *world, struct truth_swing *ret);
 
-/* Returns the true position and aim of a lamp in the rig frame with the arc at an angle, without
- * backlash and position errors. ret_aim may be NULL. */
+/* Sets ret_position_mm and ret_aim to the true position and aim of a lamp in the rig frame, with
+ * the arc at an angle, without backlash and position errors. ret_aim may be NULL. */
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]);
 /* Returns the signal of a camera in DN per second, for a white diffuser under a lamp at full
@@ -74,20 +74,20 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
  * frame. */
 double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]);
 
-/* Computes the distance along the true viewing ray of each texel's centre from the reference plane
- * to the surface of the sample or the turntable, in mm. The distance is −1 where the ray meets
- * nothing. If ret_edge is not NULL, it receives 1 for each texel that has a depth edge (a step of
- * more than half a texel) within one texel, and otherwise 0. */
+/* For each texel, sets ret_distance_mm to the distance along the true viewing ray of the texel's
+ * centre, from the reference plane to the surface of the sample or the turntable, in mm. The
+ * distance is −1 where the ray meets nothing. If ret_edge is not NULL, it receives 1 for each texel
+ * that has a depth edge (a step of more than half a texel) within one texel, and otherwise 0. */
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 
-/* For each texel, counts the laser positions from which a laser can light the surface point that
- * the texel shows, at any sweep angle. A laser position is an arc angle and a laser. n positions
- * are given. */
+/* For each texel, ret_seen is the number of laser positions from which a laser can light the
+ * surface point that the texel shows, at any sweep angle. A laser position is an arc angle and a
+ * laser. n positions are given. */
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
 
-/* Computes the reflectance as in pipeline/pipeline.h, R G B interleaved. The reflectance is
+/* Sets ret_rgb to the reflectance as in pipeline/pipeline.h, R G B interleaved. The reflectance is
  * averaged over each texel's area with samples² rays. Edges of shadows need many rays: on a brick
  * wall, the 95th percentile of the difference to a picture with 4 pixels per texel was 5.4 % with 6
  * samples and 1.8 % with 24. */

@@ -100,7 +100,8 @@ static guint write_register(VirtualU3v *camera, guint64 address, guint32 value) 
     return 0;
 }
 
-/* Carries out a command. Returns the status for its answer, and the data of the answer in ret. */
+/* Carries out a command. Returns the status of the answer. ret receives the *ret_size bytes of data
+ * of the answer. */
 static guint obey(VirtualU3v *camera, enum command command, const guint8 *data, guint size,
                   guint8 *ret, guint *ret_size) {
     guint64 address = size >= 8 ? u3v_get(data, 8) : 0;

@@ -108,7 +108,8 @@ void rig_set_error(GError **error, const struct config_section *section, const c
  * section names no world or a different world than other sections, or if the world cannot be
  * loaded. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
-/* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
+/* Returns the names of the *ret_n lamps that a bank switches, in order. Free them with
+ * g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 /* Returns the name that world_part_find() needs for the part that an axis moves. Free the name with
  * g_free(). */

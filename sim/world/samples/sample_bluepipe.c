@@ -23,7 +23,8 @@ struct pipe {
 };
 
 /* Returns the radius as a part of the sleeve's radius, for s from 0 to 1 along the pipe. The
- * profile has steps with round shoulders. */
+ * profile has steps with round shoulders. *ret_sleeve is 1 on a sleeve, 0 beside it, and between 0
+ * and 1 on a shoulder. */
 static double pipe_profile(const struct pipe *pipe, double s, double *ret_sleeve) {
     double place = s * pipe->sleeves + pipe->phase;
     double off = fabs(place - floor(place) - 0.5);

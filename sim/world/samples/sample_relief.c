@@ -7,8 +7,8 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Computes the position of a vertex, from 0 to 1, in its piece of the sample. o has the size of a
- * piece. */
+/* Sets *ret_u and *ret_v to the position of a vertex, from 0 to 1, in its piece of the sample. o
+ * has the size of a piece. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
     *ret_u = vertex->p[0] / o->width_mm + 0.5 * o->repeats;
