@@ -93,8 +93,8 @@ static inline int camera_set_compare(struct camera_set a, struct camera_set b) {
     return 0;
 }
 
-/* Returns the lowest camera of a set above `after`, or −1 if there is none. after is −1 for the
- * lowest camera of the set. */
+/* Returns the lowest camera of a set above `after`, or −1 if there is none. If after is −1, this is
+ * the lowest camera of the set. */
 static inline int camera_set_next(struct camera_set set, int after) {
     const int first = after + 1;
     for (int i = first / CAMERA_SET_WORD_BITS; i < CAMERA_SET_WORDS; i++) {

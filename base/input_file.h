@@ -57,7 +57,7 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 gboolean input_file_is_utf16(const char *text, gsize length);
 #define INPUT_FILE_UTF16 "it is a text in UTF-16; save it as UTF-8"
 
-/* Reads n bytes from offset on. Fails if the file has become too short for them. */
+/* Reads n bytes from offset on. Fails if fewer than n bytes follow there. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 

@@ -10,8 +10,8 @@
 #include <glib.h>
 
 struct new_file {
-    int folder, fd;      /* descriptors of the folder and of the unfinished file */
-    char *name, *beside; /* names in the folder: the final one, and that of the unfinished file */
+    int folder, fd;      /* of the folder, and of the unfinished file */
+    char *name, *beside; /* name: final name; beside: name of the unfinished file */
 };
 
 /* Begins a file whose path is relative, below directory. The folders in relative must not be

@@ -53,9 +53,9 @@ gboolean output_file_check(const char *path, const char *kind, gboolean force, G
 const char *output_file_path(OutputFile *file, GError **error);
 
 /* Delivers the file that the caller has written to output_file_path(). written is FALSE if the
- * caller failed with *error. Nothing is then delivered, and the error names the output instead of
- * that path. Adds the kind to PNG, SVG, PDF and HTML files; writers of other formats add it
- * themselves. Returns whether the output is complete. */
+ * caller failed with *error. Nothing is then delivered, and the error is changed: it names the
+ * output instead of output_file_path(). Adds the kind to PNG, SVG, PDF and HTML files; writers of
+ * other formats add it themselves. Returns whether the output is complete. */
 gboolean output_file_end(OutputFile *file, gboolean written, GError **error);
 
 /* Writes and delivers n bytes: output_file_path(), output_file_write() and output_file_end() in one

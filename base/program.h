@@ -23,7 +23,7 @@ void program_set_locale(void);
 struct command_line {
     const char *name;      /* "mesorig-web" */
     const char *arguments; /* "SCENE.gltf"; NULL if the program takes only options */
-    /* texts above (summary) and below (description) the options in --help; may be NULL */
+    /* Text above the options in --help, and text below them. Each may be NULL. */
     const char *summary;
     const char *description;
     const GOptionEntry *options; /* --version is added */

@@ -6,7 +6,7 @@
 
 struct residual {
     const char *of;         /* beginning of the warning, such as "the light sheet of “left”" */
-    double value, expected; /* RMS, in the same unit; expected is 0 if it is not known */
+    double value, expected; /* RMS; expected is what noise explains, or 0 if not known */
     const char *unit;       /* "mm"; "" for ratios */
     const char *causes;     /* possible causes, the most likely first: "a bent sheet, speckle" */
 };

@@ -15,7 +15,7 @@ ScratchFile *scratch_file_new(const char *folder, guint64 bytes, const char *con
 void scratch_file_free(ScratchFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ScratchFile, scratch_file_free)
 
-/* Read and write n bytes from the byte `at` on. */
+/* Read and write n bytes. `at` is the offset of the first byte in the file. */
 gboolean scratch_file_read(const ScratchFile *file, guint64 at, gpointer ret, gsize n,
                            GError **error);
 gboolean scratch_file_write(const ScratchFile *file, guint64 at, gconstpointer bytes, gsize n,

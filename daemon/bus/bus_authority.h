@@ -19,8 +19,8 @@
 #include "rig1-bus.h"
 
 /* Returns the name of the polkit action for a method, for instance "org.mesorig.rig.capture".
- * Returns NULL if polkit is not asked about the method. *ret_known is set to FALSE if there is no
- * such method; ret_known may be NULL. */
+ * Returns NULL if polkit is not asked about the method, and if there is no such method. *ret_known
+ * says whether there is such a method; ret_known may be NULL. */
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
 struct bus_authority {
@@ -44,7 +44,7 @@ void bus_authority_attach(BusRig1 *skeleton, struct bus_authority *authority);
  * why. Returns TRUE if one of them was a Start or Resume. */
 gboolean bus_authority_stop(struct bus_authority *authority, const char *why);
 
-/* Returns the caller of a method on the system bus. Returns NULL for the daemon's own user and
- * for root, who may do everything that the daemon can do, and for calls about which polkit is
- * not asked. The invocation owns the result. */
+/* Returns the user who has called a method on the system bus. The invocation owns the result.
+ * Returns NULL for a call about which polkit is not asked. Also returns NULL for the daemon's own
+ * user and for root, who may do everything that the daemon can do. */
 const struct bus_caller *bus_authority_caller(GDBusMethodInvocation *invocation);

@@ -20,9 +20,9 @@ const char *bus_client_address(void);
 gboolean bus_client_is_bus(const char *value);
 #define BUS_CLIENT_NO_BUS "there is no --bus=%s; choose from: system, session"
 
-/* Returns the folder that contains the folders of daemons: that of g_get_user_runtime_dir()
- * (XDG_RUNTIME_DIR, or the user's cache folder if it is not set), or the folder for temporary files
- * if the former has a path that is too long for a socket, or is not writable. */
+/* Returns the folder that contains the folders of daemons: g_get_user_runtime_dir(), which is
+ * XDG_RUNTIME_DIR or, without this variable, the user's cache folder. Returns the folder for
+ * temporary files instead if that path is too long for a socket or that folder is not writable. */
 const char *bus_client_folder(void);
 
 /* bus_client_make_folder() makes a folder in bus_client_folder() that only this user may read, and
@@ -38,10 +38,10 @@ void bus_client_remove_folder(const char *folder);
  * the link in it cannot be made. */
 char *bus_client_announce(const char *address, GError **error);
 
-/* Connects to the daemon at an address, within 15 s; after that, the error is
- * G_IO_ERROR_TIMED_OUT. Errors name the address and say what to do. G_IO_ERROR_NOT_FOUND and
- * G_IO_ERROR_CONNECTION_REFUSED mean that no process listens there. bus_client_connect() runs
- * the default main context while it waits. */
+/* Connects to the daemon at an address. Fails with G_IO_ERROR_TIMED_OUT after 15 s, and with
+ * G_IO_ERROR_NOT_FOUND or G_IO_ERROR_CONNECTION_REFUSED if no process listens at the address.
+ * Errors name the address and say what to do. bus_client_connect() runs the default main context
+ * while it waits. */
 void bus_client_connect_async(const char *address, GCancellable *cancellable,
                               GAsyncReadyCallback callback, gpointer data);
 GDBusConnection *bus_client_connect_finish(GAsyncResult *result, GError **error);

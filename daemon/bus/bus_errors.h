@@ -15,14 +15,13 @@ enum bus_error {
      * given another calibration. */
     BUS_ERROR_UNKNOWN,
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
-    BUS_ERROR_FAILED, /* any other error, also every error of a domain that has no name on the bus
-                       */
+    BUS_ERROR_FAILED,     /* any other error, and errors of a domain without a name on the bus */
     /* A limit of time, memory or waiting calls was reached; the message says which. */
     BUS_ERROR_LIMIT,
-    BUS_ERROR_CANCELLED, /* the operation of this call was ended; the message says by what */
+    BUS_ERROR_CANCELLED, /* another call or event has ended the operation; the message says which */
     BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */
-    BUS_ERROR_DENIED,    /* the caller has no right to do this, or polkit has not answered whether
-                          * it has */
+    /* the caller has no right to make this call, or polkit has given no answer */
+    BUS_ERROR_DENIED,
 };
 
 /* Registers the names of all error domains that cross the bus. A GError is then transferred with a

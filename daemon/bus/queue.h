@@ -35,12 +35,12 @@ struct queue_item {
     guint id; /* number of the item; a file never uses a number twice */
     enum queue_state state;
     char *name;                        /* name of the session, from its file */
-    char *session_path, *session_text; /* path and contents of the session file that was added */
+    char *session_path, *session_text; /* path and contents of the session file */
     char *directory;                   /* absolute path of the session directory to be made */
     /* Path of the rig file against which the session was checked. */
     char *rig;
-    /* path and contents of a calibration that replaces the one of the rig; empty to use that of
-     * the rig */
+    /* Path and contents of a calibration that replaces the one of the rig. Both are empty if the
+     * calibration of the rig is used. */
     char *calibration, *calibration_text;
     /* What a user must do before the session; empty for nothing. */
     char *prompt;
@@ -49,13 +49,14 @@ struct queue_item {
     char *message; /* reason why the session has stopped; empty in other states */
     double predicted_s;
     guint64 bytes; /* predicted size of the session */
-    /* number of times that the session began without an orderly end of this program */
+    /* number of times that the session began and this program then ended unexpectedly */
     int starts;
     gboolean process; /* process the session during the capture */
     gboolean yes;     /* continue even if the test shots give warnings */
-    /* Times at which the session began and ended, in seconds since 1970; 0 if it has not yet. */
+    /* Times at which the session began and ended, in seconds since 1970. A time is 0 before the
+     * event. */
     gint64 begun_at_s, ended_at_s;
-    gboolean has_caller; /* FALSE if this program's own user or root has added it */
+    gboolean has_caller; /* FALSE if this program's own user or root has added the session */
     guint32 uid;         /* user who has added it */
     GArray *groups;      /* of guint32; the groups of that user */
 };

@@ -4,7 +4,7 @@
 #include "queue.h"
 
 struct Queue {
-    char *path, *folder, *name; /* path of the file, its folder and its name in the folder */
+    char *path, *folder, *name; /* folder and name are the parts of path */
     int lock;                   /* file descriptor of FILE.lock, which is locked */
     guint next_id;
     char *paused;     /* reason why the queue is paused; NULL if it is not */

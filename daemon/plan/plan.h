@@ -190,11 +190,11 @@ double plan_lamps_s(const struct session_shot *const *shots, int n, const struct
  * COVERAGE_MAX_SWEEPS sweeps. Further sweeps are in no group. */
 GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n);
 
-/* Returns the coverage model of a camera and the sweeps of a group. The variance of a distance is
- * proportional to the inverse square of a sweep's depth resolution w (mdf_weight()), while the MDF
- * weighs sweeps by w. A sweep of low resolution therefore adds noise to every texel that it lights.
- * Here such a sweep counts with only q = (w / max w)⁴ until no other sweep lights the same
- * texels. */
+/* Returns the coverage model of a camera and the sweeps of a group. w is the depth resolution of a
+ * sweep (mdf_weight()). The variance of a distance is proportional to 1/w², but the MDF weighs
+ * sweeps by w. A sweep with a small w therefore adds noise to every texel that it lights. Its
+ * quality in the model is for this reason only (w / max w)⁴. max w is the largest w of the
+ * group. */
 CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
                                 const struct session_shot *const *shots, const GArray *group);
 

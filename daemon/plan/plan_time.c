@@ -50,8 +50,8 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     return sum_s;
 }
 
-/* For a sweep, the sweep axis is assumed to stand where this sweep ends, because the laser's
- * previous sweep ended there. */
+/* For a sweep, the sweep axis is assumed to stand in the middle of the range of this sweep: the
+ * last picture of the laser's previous sweep was taken in the middle of its range. */
 double plan_light_s(const struct session_shot *previous, const struct session_shot *shot,
                     const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)

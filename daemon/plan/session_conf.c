@@ -20,8 +20,8 @@ static const struct {
 struct fields { /* the session, and values that are checked before they are copied into it */
     struct session_conf conf;
     char *name, *prompt;
-    /* Keys that are only checked here. The code that makes an archive reads them from the text of
-     * the session file. */
+    /* Keys that are only accepted here, for the check of the file. cli/sessions/archive_read.c
+     * reads their values from the session file that is stored in a session. */
     char *described, *operator_name, *notes, *license;
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;

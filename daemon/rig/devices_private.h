@@ -1,4 +1,6 @@
-/* The rig file after it was read and checked, before any device is opened. */
+/* The contents of a rig file, before any device is opened. While the file is read, a member is NULL
+ * or FALSE if a mistake in the file prevents its value. layout_read() succeeds only if there is no
+ * mistake. */
 #pragma once
 
 #include "devices.h"
@@ -11,7 +13,7 @@ struct layout_device { /* a section with a driver */
 
 struct layout_bank { /* a section [lamps NAME] */
     const struct config_section *section;
-    GArray *places; /* of struct lamp_place; NULL if they are not known, because of a mistake */
+    GArray *places; /* of struct lamp_place; NULL after a mistake in the section */
 };
 
 struct layout {

@@ -1,10 +1,10 @@
-/* The lamps of a bank whose positions are given by one key of the section [lamps NAME]: rings, a
+/* The places of the lamps of a bank, as one key of the section [lamps NAME] gives them: rings, a
  * spiral over a part of the hemisphere, an arc, or a file. Every lamp gets the values that a
  * section [lamp NAME] would have.
  *
- * The lamps of a bank are numbered from 1 in the order in which they are described. A lamp to which
- * no table gives a name is named after the bank and this number: dome_01, dome_02, … The number has
- * two digits, or three if the bank has more than 99 lamps. */
+ * The lamps of a bank are numbered from 1 in the order in which they are described. A lamp without
+ * a name in a table is named after the bank and its number: dome_01, dome_02, … The number has at
+ * least two digits, or at least three if the bank has more than 99 lamps. */
 #pragma once
 
 #include "base/options.h"

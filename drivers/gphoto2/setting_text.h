@@ -8,8 +8,8 @@
  * 400", 50 for "50%". Returns −1 for a text such as "bulb" or "Auto". */
 double setting_text_number(const char *text);
 
-/* Returns whether two texts state the same value: the same number, or the same letters in either
- * case. */
+/* Returns whether two texts state the same value. Two texts that state numbers are compared by
+ * their numbers. Any other texts are compared as a whole, ignoring the case of the letters. */
 gboolean setting_text_equal(const char *a, const char *b);
 
 /* Returns the index of the text that is nearest to a value, by the ratio of the numbers. Returns −1

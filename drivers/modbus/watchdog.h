@@ -15,7 +15,8 @@ struct modbus_watchdog {
     double after_s, scale;
 };
 
-/* The entries of an options table for a struct that has a struct modbus_watchdog at an offset. */
+/* The entries of a driver's option table for a watchdog. at is the offset of the struct
+ * modbus_watchdog in the private struct of the driver. */
 /* clang-format off */
 #define MODBUS_WATCHDOG(at, field) ((at) + G_STRUCT_OFFSET(struct modbus_watchdog, field))
 #define MODBUS_WATCHDOG_OPTIONS(at)                                                                \
@@ -28,16 +29,17 @@ struct modbus_watchdog {
      "Value of watchdog_register for 1 s"}
 /* clang-format on */
 
-/* modbus_watchdog_value() returns the value for the register. modbus_watchdog_s() returns the
- * time in seconds that this rounded value stands for. */
+/* modbus_watchdog_value() returns the value that the register gets: after_s · scale, rounded.
+ * modbus_watchdog_s() returns the time in seconds that this rounded value stands for. */
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog);
 double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 
 /* Returns the time between two requests that keep the device on: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* For a driver's check(): checks the watchdog's time, whether it is kept in a register or by timed
- * relays. max is the largest value that the board can hold. */
+/* Adds a mistake if the watchdog's time, as its register or the timed relays hold it, is out of
+ * range. The time must be at least 1.5 times the time that one lost answer takes. max is the
+ * largest value that the board can hold. */
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes);
 

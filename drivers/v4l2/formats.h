@@ -49,7 +49,8 @@ gsize video_format_row_bytes(const struct video_format *format, int width);
 /* Returns the number of bytes from the start of a frame to the end of its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
-/* Unpacks a frame whose rows are stride bytes apart. Samples beyond the format's bits become its
- * maximum. */
+/* Unpacks a frame into width × height samples. Successive rows of the frame begin stride bytes
+ * apart. In a format of packing VIDEO_WORDS, a sample that exceeds the format's bits becomes the
+ * largest value of these bits. */
 void video_format_unpack(const struct video_format *format, const guint8 *from, gsize stride,
                          int width, int height, guint16 *ret_pixels);
