@@ -3,7 +3,7 @@
 #include <string.h>
 
 struct details {
-    /* text is "WHAT; ADVICE" of what and advice, as the message shows it */
+    /* text is what and advice in one text, as the message shows them: "WHAT; ADVICE". */
     char *file, *subject, *text, *what, *advice;
     int line;
 };

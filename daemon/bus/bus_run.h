@@ -25,9 +25,9 @@ struct bus_run {
     Capture *capture;     /* NULL if no capture is running or paused */
     char *directory;      /* directory of the session that is or was captured */
     Followers *followers; /* sessions that are being processed; NULL before the first one */
-    /* Time of the monotonic clock when the capture began or last homed its axes. */
+    /* Monotonic time when the capture began or last homed its axes. */
     gint64 started_us;
-    double started_elapsed_s; /* time on the rig's clock when started_us was set */
+    double started_elapsed_s; /* elapsed_s of the capture (capture.h) at started_us */
     guint tick_id;            /* timer that shows the time during a capture */
     guint end_id;             /* the idle source that frees a capture that has ended */
     double thumbnail_time_s[RIG_MAX_CAMERAS];

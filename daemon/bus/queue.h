@@ -49,7 +49,7 @@ struct queue_item {
     char *message; /* reason why the session has stopped; empty in other states */
     double predicted_s;
     guint64 bytes; /* predicted size of the session */
-    /* number of times that the session began and this program then ended unexpectedly */
+    /* number of times that the session began since the last orderly end of this program */
     int starts;
     gboolean process; /* process the session during the capture */
     gboolean yes;     /* continue even if the test shots give warnings */

@@ -51,12 +51,13 @@ struct capture_status {
     /* The shot that is being taken, or the last one that was taken. NULL before the first shot.
      * Valid until control returns to the main loop. */
     const struct session_shot *shot;
-    /* number of shots of the whole session, and of those that are done, including earlier runs */
+    /* Numbers of shots, including those of earlier runs: of the whole session, and of the shots
+     * that are done. */
     int shots, shots_done;
-    /* number of camera frames accepted, and of frames taken again, in this run */
+    /* Numbers of camera frames in this run: accepted frames, and frames that were taken again. */
     gint64 frames, retakes;
-    /* time for which the session was captured, without pauses, and predicted remaining time, on the
-     * rig's clock */
+    /* Times on the rig's clock. elapsed_s is the time for which the session was captured, without
+     * pauses. left_s is the predicted time until the session is complete. */
     double elapsed_s, left_s;
     /* size of the stored frames and of their rows in the database, including earlier runs */
     guint64 bytes_stored;
@@ -90,9 +91,10 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
 Capture *capture_begin(struct devices *devices, const char *directory,
                        const struct capture_callbacks *callbacks, GError **error);
 
-/* Checks whether the session in a directory can be resumed. Checks that the stored frames agree
- * with their rows in the database; a shot whose frames are lost is planned again. ret_warning is a
- * warning for the event log, or NULL; g_free(). Uses devices as capture_create() does. */
+/* Checks whether the session in a directory can be resumed, and that its stored frames agree with
+ * their rows in the database. A shot whose frames are lost is planned again. Returns FALSE with an
+ * error if the session cannot be resumed. *ret_warning is a warning for the event log, or NULL;
+ * g_free(). Uses devices as capture_create() does. */
 gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
                          GError **error);
 
@@ -106,12 +108,13 @@ void capture_free(Capture *capture);
 
 void capture_pause(Capture *capture); /* pauses after the shot under way */
 gboolean capture_continue(Capture *capture, GError **error);
-/* Ends the session after the shot under way, with the shots that are done: the other shots are left
- * out (SESSION_LEFT_OUT), and the state becomes CAPTURE_DONE. A paused session ends immediately.
- * Fails if the session has ended already. If the daemon is killed before it has left all shots out,
- * a later run does the rest. */
+/* Ends the session after the shot under way; a paused session ends immediately. The shots that are
+ * not done are left out (SESSION_LEFT_OUT), and the state becomes CAPTURE_DONE. If the daemon is
+ * killed before it has left all of them out, a later run does the rest. Fails if the session has
+ * already ended. */
 gboolean capture_finish(Capture *capture, GError **error);
-/* Value of a session that capture_finish() has ended: the note of the shots that were left out. */
+/* Name of the session's value that capture_finish() sets: the note of the shots that are left
+ * out. */
 #define CAPTURE_FINISHED_KEY "finished"
 /* stops immediately; the session can still be resumed later */
 void capture_abort(Capture *capture);

@@ -6,18 +6,19 @@
 #include "capture_session.h"
 
 struct capture_bytes {
-    /* Bytes of the stored frames of each kind (enum session_shot_kind) and camera: sum is their
-     * size on disk, and planned the size that the plan expected. */
+    /* The stored frames of each kind (enum session_shot_kind) and camera: sum is their size on disk
+     * in bytes, and planned is the size in bytes that the plan expected. */
     struct {
         double sum, planned;
     } of[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     /* array with one footprint for each camera; NULL until it is needed */
     struct plan_footprint *footprints;
-    /* planned bytes of each shot (row) and camera (column); 0 if the camera takes no frame in that
-     * shot or the shot was done before this run; NULL until they are needed */
+    /* Planned bytes of each shot (row) and camera (column). A value is 0 if the camera takes no
+     * frame in the shot, or if the shot was done before this run. NULL until the values are
+     * needed. */
     float *planned;
     double stored; /* bytes of the stored frames on disk, including their rows in the database */
-    /* expected bytes of the whole session: the present value, and the value in the last event */
+    /* Expected bytes of the whole session. said is the value in the last event. */
     double expected, said;
 };
 

@@ -6,8 +6,9 @@
 #include "capture_session.h"
 
 struct capture_mounts {
-    int mounted[RIG_MAX_LASERS]; /* the laser at whose place a unit is mounted; −1 if not known */
-    int wanted; /* the laser at whose place a unit must be mounted next; −1 if none */
+    /* for each unit: the laser section at whose place it is mounted; −1 if not known */
+    int mounted[RIG_MAX_LASERS];
+    int wanted; /* laser section of the place where its unit must be mounted next; −1 if none */
 };
 
 /* Reads the last place of each unit from the session and passes it to the driver of the unit. */

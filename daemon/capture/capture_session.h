@@ -17,7 +17,8 @@ struct capture_session {
     struct calibration *calibration;
     GPtrArray *shots;   /* of struct session_shot: all shots of the session */
     Adaptive *adaptive; /* chooses shots; NULL if all shots are taken */
-    /* Number of shots that will be taken, as far as known, and number of shots that are done. */
+    /* n_shots is the number of shots that will be taken, as far as it is known. n_done is the
+     * number of shots that are done. */
     int n_shots, n_done;
     struct run_clock clock;
     /* Receives each event that is added; may be NULL. */
@@ -48,8 +49,8 @@ void capture_session_add_event(const struct capture_session *session, const char
                                const char *source, const char *message);
 
 /* Read and write a number among the session's values. A value that is not set is read as 0. Loading
- * fails if the value cannot be read, because it would otherwise be stored again as 0. Errors of
- * saving are ignored. */
+ * fails if the value exists but cannot be read. If it returned 0, this 0 would later be stored
+ * instead of the value. Errors of saving are ignored. */
 gboolean capture_session_load(const struct capture_session *session, const char *key, double *ret,
                               GError **error);
 void capture_session_save(Session *store, const char *key, double value);

@@ -9,8 +9,8 @@ struct exposure_retakes {
     gint64 shortest_us; /* the shortest exposure of such a repetition; 0 if there was none */
 };
 
-/* Counts a retake if it was a repetition of a saturated picture (shortened_us > 0). shortened_us is
- * an argument of the hook “retake” (sequencer.h). */
+/* Counts a retake if a saturated picture was repeated (shortened_us is above 0). shortened_us is an
+ * argument of the hook “retake” (sequencer.h). */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
 /* Read and write the session's value "saturated_retakes", the sum over all runs.
@@ -18,8 +18,8 @@ void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us
 gboolean exposure_advice_load(struct exposure_retakes *ret, Session *session, GError **error);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 
-/* Returns a sentence that says which exposures to change, or NULL. There is advice if saturated
- * pictures were repeated at least half as many times as there are pictures under lamps, or if
- * lacking is above one half. lacking is the share of values whose longest exposure is saturated; 0
- * if it is not known. g_free() */
+/* Returns a sentence that says which exposures to change, or NULL; g_free(). There is advice if
+ * saturated pictures were repeated at least half as many times as there are pictures under lamps.
+ * There is also advice if lacking is above one half. lacking is the share of values whose longest
+ * exposure is saturated; 0 if it is not known. */
 char *exposure_advice(Session *session, double lacking);

@@ -8,8 +8,8 @@
 
 typedef struct Followers Followers;
 
-/* changed is called with data when followers_directories() has changed, failed when the child of a
- * session has failed; directory is that of the session. */
+/* changed is called when followers_directories() has changed. failed is called when the child of a
+ * session has failed; directory is the directory of that session. */
 Followers *followers_new(void (*changed)(gpointer data),
                          void (*failed)(const char *directory, gpointer data), gpointer data);
 

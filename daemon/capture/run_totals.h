@@ -7,12 +7,12 @@
 #include "exposure_advice.h"
 
 struct run_totals {
-    /* number of accepted frames of this run, and of its frames that were refused and taken
-     * again */
+    /* Numbers of frames of this run: accepted frames, and frames that were refused and taken
+     * again. */
     gint64 frames, retakes;
     /* repetitions of saturated pictures in all runs */
     struct exposure_retakes exposures;
-    /* totals of earlier runs: real time, accepted frames and retakes */
+    /* Totals of earlier runs: real time in seconds, accepted frames, and retakes. */
     double real_base_s, frames_base, retakes_base;
     gint64 begun_us; /* monotonic time when this run began */
     /* value of the session's clock when the totals were last saved */

@@ -50,7 +50,8 @@ struct Sequencer {
     gboolean pausing;
     const GPtrArray *shots;
     guint next; /* index of the shot after the one under way */
-    /* the shot under way, or NULL; the last shot that was begun, including the one under way */
+    /* shot is the shot under way, or NULL. last_shot is the shot that was begun last, which may be
+     * the one under way. */
     const struct session_shot *shot, *last_shot;
     int sub, n_subs;
     /* cameras that must still be triggered for this picture, or in this pass */
@@ -66,8 +67,9 @@ struct Sequencer {
 
 /* Stops everything and reports a fault. */
 void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig);
-/* Makes the rig safe and calls the hook finished, or the hook fault if a device is not safe. To
- * be called when all shots are taken, or the shot under way before a pause. */
+/* Makes the rig safe and calls the hook `finished`, or the hook `fault` if a device is not safe. To
+ * be called when all shots are taken or, if a pause was requested, when the shot under way is
+ * taken. */
 void sequencer_finish(Sequencer *seq);
 /* Takes the next steps that are possible now. */
 void sequencer_advance(Sequencer *seq);
@@ -86,8 +88,8 @@ gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int 
                            const struct sequencer_camera *state, GError **error);
 gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *shot, int sub,
                              const struct sequencer_camera *state);
-/* Counts a refused picture. Returns FALSE if everything has been stopped, because no attempts
- * are left or by the hook retake. */
+/* Counts a refused picture. Returns FALSE if everything has been stopped: no attempts are left, or
+ * the hook `retake` has stopped the sequencer. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
 /* Counts a failed trigger of a camera, like a refused picture. The camera is triggered again after

@@ -7,8 +7,8 @@
 
 struct stage_goal {
     double turntable_deg, arc_deg, arm_deg, probe_deg;
-    /* index of the lamp and of the laser that are lit; −1 for none. A laser that is mounted by hand
-     * is given by its unit, a lamp on the probe by its first stop. */
+    /* Indices of the lamp and of the laser that are lit, or −1. A laser that is mounted by hand is
+     * given by its unit. A lamp on the probe is given by its first stop. */
     int lamp, laser;
     int sweep; /* the laser whose sweep axis must stand at sweep_deg; −1 if none */
     double sweep_deg;
@@ -57,6 +57,7 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
  * safe. Until the next stage_home() no hook except unsafe is called. */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* Returns text, followed by advice if the error has none, and by "then continue"; g_free(). text is
- * the message of the device error, or error_details_text() if the reader knows the device. */
+/* Returns a text for the user that says what to do, and ends with "then continue"; g_free(). text
+ * is the message of the device error, or error_details_text() if the reader knows the device. It
+ * already contains the advice of the error. If the error has none, general advice is added. */
 char *stage_advise(const char *text, const GError *error);

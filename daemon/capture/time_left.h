@@ -5,21 +5,22 @@
 
 #include "capture_session.h"
 
-/* The work that is left from a shot on: the time according to the plan, and the number of shots of
- * each kind (enum session_shot_kind), including that shot. */
+/* The work that is left from a shot on, including that shot: its time according to the plan, and
+ * the number of shots of each kind (enum session_shot_kind). */
 struct shots_left {
     double planned_s;
     int n[SHOT_SWEEP + 1];
 };
 
 struct time_left {
-    /* predicted time of the whole session and its lower bound, according to the plan */
+    /* according to the plan: predicted time of the whole session, and a lower bound of the time */
     double predicted_s, lower_bound_s;
     /* n_shots + 1 elements: the work that is left before each of the n_shots shots of this run, and
      * after the last shot. NULL before the run. */
     struct shots_left *plan;
     guint n_shots;
-    /* For each kind of shots: the time by which they took longer than planned, and their number. */
+    /* For each kind of shots: the total time by which shots took longer than planned, and the
+     * number of these shots. */
     struct {
         double late_s;
         int n;

@@ -95,7 +95,7 @@ struct group {
     int n;
     double *at_deg; /* angles of the table, increasing */
     double speed_deg_s, frame_s, exposure_s, readout_s;
-    double lead_deg, behind_deg; /* angles of a pass before its first shot and after its last one */
+    double lead_deg, behind_deg; /* angles of a pass: before its first shot, and after its last */
     const struct axis_motion *table;
 };
 
@@ -117,8 +117,9 @@ static void measure(struct group *group, const struct session_conf *conf, const 
     group->exposure_s = exposure_s_of(conf);
     group->frame_s = slowest_s(timing->trigger_us, cameras) + group->exposure_s;
     group->readout_s = slowest_s(timing->readout_us, cameras);
-    /* Before the first trigger there is time for at least two reports of the position at the final
-     * speed, and after the last exposure for at least one. */
+    /* The lead gives time for at least two reports of the position at the final speed before the
+     * first trigger. The rest behind the last shot gives time for at least one report after the
+     * last exposure. */
     group->lead_deg =
         ramp + v * (1e-3 * (table->settle_ms + 3 * table->report_ms) + HOST_S + group->frame_s);
     group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);

@@ -77,7 +77,8 @@ struct plan {
     int n_first; /* number of shots of the first round, which come first in session.shots */
     /* numbers of shots that are taken only if the first round is not sufficient */
     int n_later_sweeps, n_later_lamps;
-    /* with MOTION_CONTINUOUS the number of passes, and of the shots that are taken in them */
+    /* With MOTION_CONTINUOUS: the number of passes, and the number of shots that are taken in
+     * passes. */
     int n_passes, n_passing;
     struct passes_speed passes;
     /* with MOTION_CONTINUOUS the predicted time if the turntable stands still for all shots */

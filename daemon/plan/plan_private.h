@@ -38,7 +38,7 @@ struct plan_build {
     double radius_mm;
     GArray *views, *lights, *lasers; /* of struct session_direction */
     GArray *turns, *azimuths;        /* of struct plan_angle */
-    /* of int: the azimuth of each light and laser position, as an index into azimuths */
+    /* Of int, for each light and for each laser position: index of its azimuth in azimuths. */
     GArray *light_at, *laser_at;
     GArray *poses;          /* of struct plan_pose */
     GHashTable *pose_index; /* maps a struct plan_pose to its index in poses + 1 */

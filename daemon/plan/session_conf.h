@@ -9,8 +9,8 @@
 #include "selection/coverage_model.h"
 #include "session/session.h"
 
-/* A session file gives directions as rings, or names devices whose directions, with turntable and
- * arc at 0, are used. */
+/* A session file gives directions as rings, or names devices. The direction of a named device is
+ * the one that it has with turntable and arc at 0. */
 struct ring { /* directions of one polar angle: φ = offset + k·360/count */
     double theta_deg, offset_deg;
     int count;

@@ -15,10 +15,9 @@ struct finder_modbus {
 
 /* Returns all devices that were found, as struct found. Free the array with g_ptr_array_unref().
  * For a bus that cannot be searched, a sentence is appended to ret_problems, and the search
- * continues with the others. The search takes one or two seconds, and up to 5 s more if
- * libgphoto2 does not answer. A Modbus line takes a further tenth of a second for each unit number
- * without a device. Returns NULL with an error if the parity
- * is wrong. */
+ * continues with the others. The search takes one or two seconds, and up to 5 s more if libgphoto2
+ * does not answer. A Modbus line takes a further tenth of a second for each unit number without a
+ * device. Returns NULL with an error if the parity is wrong. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);
 
 /* Asks the G-code board at a serial port which language it speaks (serial/detect.h). *ret_dialect
@@ -27,7 +26,8 @@ GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_proble
 gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);
 
-/* Opens the camera of a section such as struct found has, and returns the size of its pictures and
- * the number of their bits. A still camera takes a picture. Blocks until the camera is open. */
+/* Opens the camera that a section describes, such as the section of a struct found. Returns the
+ * size of its pictures in pixels and the number of their bits. A still camera takes a picture.
+ * Blocks until the camera is open. Returns FALSE with an error if the camera cannot be opened. */
 gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, int *ret_bits,
                              GError **error);

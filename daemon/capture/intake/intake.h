@@ -95,7 +95,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 void intake_take(Intake *intake, const struct taken_frame *taken);
 
 /* Returns whether too many frames wait for the workers. No camera may then be triggered until the
- * hook room is called. A virtual clock is held meanwhile, because writing takes no simulated
+ * hook `room` is called. A virtual clock is held meanwhile, because writing takes no simulated
  * time. */
 gboolean intake_is_full(const Intake *intake);
 

@@ -11,9 +11,11 @@ struct intake_file {
     const char *camera_name;
     const char *source_name; /* name of the lamp or laser; NULL for dark */
     const struct session_conf *conf;
-    const struct rig *rig;       /* nominal, for the angles of arm and probe */
-    const Frame *last;           /* the last frame that the file contains or was computed from */
-    double turntable_deg;        /* angle of the turntable, in the middle of last if it turned */
+    const struct rig *rig; /* nominal, for the angles of arm and probe */
+    const Frame *last;     /* the last frame that the file contains or was computed from */
+    /* Angle of the turntable. If the turntable turned, the angle in the middle of the exposure of
+     * last. */
+    double turntable_deg;
     gboolean turned;             /* the turntable turned during the exposure */
     const Frame *const *bracket; /* SHOT_LAMP: the frames of all exposures, the shortest first */
     double dark_dn;

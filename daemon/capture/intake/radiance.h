@@ -38,7 +38,8 @@ void radiance_merge(const Frame *const *frames, const float *const *dark, int n,
  * count, because the dark level may have drifted. Frames and dark are as for radiance_merge(). */
 gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n);
 
-/* Returns the smallest merged value at which a pixel of this dark level saturates an exposure. */
+/* Returns the smallest merged value, in DN/ms, at which a pixel with this dark level is saturated
+ * in an exposure. */
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
                         double bend_per_dn);
 

@@ -33,8 +33,9 @@
 
 typedef struct Adaptive Adaptive;
 
-/* Values of the session: the percentage of texels that the sweeps so far have measured, over all
- * views and in the view with the smallest percentage. */
+/* Values of the session: the percentage of texels that the sweeps so far have measured.
+ * ADAPTIVE_KNOWN_PCT is the percentage over all views. ADAPTIVE_WORST_PCT is that of the view with
+ * the smallest percentage. */
 #define ADAPTIVE_KNOWN_PCT "lasers.known_pct"
 #define ADAPTIVE_WORST_PCT "lasers.worst_pct"
 /* Value of the session: the expected error after the last round of lamps, in %. It is the root mean

@@ -52,8 +52,8 @@ enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 struct lamps_choice {
     /* of int: indices of the chosen shots in setup.shots; owned by the caller */
     GArray *shots;
-    double error_pct, after_pct; /* expected error in % now, and after the chosen shots */
-    int n_taken, n_pictures;     /* number of pictures of the BTF that are taken, and of all */
+    double error_pct, after_pct; /* expected error in %: now, and after the chosen shots */
+    int n_taken, n_pictures;     /* pictures of the BTF: those that are taken, and all */
     enum lamps_end end;
 };
 /* Any thread may call lamps_choose() while the readers have no jobs and the main loop calls no

@@ -29,8 +29,7 @@ gboolean rounds_load(struct rounds *rounds, GError **error);
 /* Returns the value that stores a round; g_free(). shots contains int: indices of shots. */
 char *rounds_to_text(const GArray *shots);
 
-/* Stores the next round. shots contains int: indices of shots. If shots is empty, there is no
- * further round. */
+/* Stores the next round. shots contains int: indices of shots. An empty round is the last one. */
 gboolean rounds_store(struct rounds *rounds, const GArray *shots, GError **error);
 
 /* Returns whether a shot is in a round, or is of another kind. */
