@@ -43,10 +43,10 @@ struct axis_motion {
     double stamp_ms; /* largest error of the times in these reports */
 };
 
-/* The options of a motion, for a driver's table. The row for homing_s is AXIS_HOMING_OPTION, or the
- * driver's own. at is the offset of the struct axis_motion in the driver's private data. speed and
- * accel are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must give
- * them. */
+/* The options of a motion, for a driver's table. homing_s has no row here: add AXIS_HOMING_OPTION
+ * or a row of the driver. at is the offset of the struct axis_motion in the driver's private data.
+ * speed and accel are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must
+ * give them. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \

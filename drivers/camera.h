@@ -40,8 +40,8 @@ struct camera_format { /* filled by the driver's open() or opened() */
     /* The largest error of a frame's exposure_start_us. It is −1 if the error is not known, or if
      * the rows are exposed one after the other. */
     gint64 stamp_us;
-    /* The only exposure times that the camera has, for example the list of a DSLR. NULL if it has
-     * any time of its range. The driver owns them. */
+    /* The list of exposure times that the camera has, for example a DSLR. NULL if the camera has
+     * every time of its range. The driver owns the list. */
     const gint64 *exposures_us;
     int n_exposures;
 };

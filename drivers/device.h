@@ -59,13 +59,13 @@ struct driver_info {
      * rig file are checked before any device is opened, so a driver's open() need not repeat these
      * checks. */
     void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
-    /* May be NULL. Appends what the section needs for its exclusive use, as strings allocated with
-     * g_strdup(). Sections that need the same thing must describe it in the same words, such as
-     * "coil 3 of unit 1 at tcp:10.0.0.2:502". Two sections that need the same thing are a mistake
-     * in the rig file. */
+    /* May be NULL. Appends the names of the things that the section needs for its exclusive use,
+     * such as "coil 3 of unit 1 at tcp:10.0.0.2:502", as strings allocated with g_strdup(). Two
+     * sections that need the same thing must give it the same name. They are a mistake in the rig
+     * file. */
     void (*needs)(gconstpointer options, GPtrArray *to);
-    /* What a confirmed command means if the device cannot report its outputs, such as "sent, cannot
-     * be read back". NULL: the outputs were read back. */
+    /* What a confirmed command means for a device that cannot report its outputs, such as "sent,
+     * cannot be read back". NULL means that the outputs were read back. */
     const char *confirmed;
 };
 
@@ -95,10 +95,9 @@ struct device;
  * thread, from within the call that requests light or motion. */
 typedef gboolean (*DevicePermit)(const struct device *device, gpointer data, GError **error);
 
-/* Called from the main loop when a device becomes unsafe, which means that an output that should be
- * off, or an axis that should stand, has not confirmed it. error says which output and why, and is
- * valid during the call. Called again with error NULL when every output of the device has confirmed
- * its state. */
+/* Called from the main loop when a device becomes unsafe: an output that should be off, or an axis
+ * that should stand, has not confirmed it. error says which output and why, and is valid during the
+ * call. Called with error NULL when every output of the device has confirmed its state. */
 typedef void (*DeviceSafetyFunc)(struct device *device, const GError *error, gpointer data);
 
 /* First member of every class's device struct. */

@@ -20,9 +20,9 @@ typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_
 
 struct lights;
 
-/* Makes the lights of a device. device begins with a struct device. It is owned by the caller and
- * closed after lights_free(). many is TRUE if errors shall name the number of a light, and if one
- * command can switch all lights off. */
+/* Makes the lights of a device. device begins with a struct device. The caller owns device, and
+ * closes it after lights_free(). many is TRUE for a device with several lights: errors then name
+ * the number of a light, and one command can switch all lights off. */
 struct lights *lights_new(gpointer device, int n, gboolean many, LightsSend send,
                           LightsAnswer answer);
 void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ignored */
@@ -31,8 +31,8 @@ void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ig
  * answered in order. */
 gboolean lights_set(struct lights *lights, int index, gboolean on, GError **error);
 
-/* Takes the report of a driver. A report that fits no command is believed if it says that there is
- * light. */
+/* Takes the report of a driver. A report that fits no command is ignored, unless it says that there
+ * is light. */
 void lights_report(struct lights *lights, int index, gboolean on, const GError *error);
 
 /* Says that the state of all lights is unknown because of the error. Switches them off. */

@@ -31,11 +31,12 @@ enum lock_role {
     /* The default. Takes the lock, or fails. Waits up to five seconds for a program that is making
      * the device safe. */
     LOCK_OWNER,
-    /* The next two roles make a rig safe. They fail if the device is LOCK_ALONE and another process
-     * is making it safe. */
-    LOCK_GUARDIAN, /* works after the end of a daemon: fails if another process has the lock */
-    /* works for an operator who requests it: fails only if the device is LOCK_ALONE and another
-     * process has it */
+    /* The next two roles make a rig safe. Both fail if another process is making the device safe
+     * and the device is LOCK_ALONE. */
+    /* for the work after the end of a daemon: fails if another process has the lock */
+    LOCK_GUARDIAN,
+    /* For an operator who requests it: fails if another process has the lock and the device is
+     * LOCK_ALONE. */
     LOCK_OPERATOR,
 };
 
@@ -60,8 +61,8 @@ const char *lock_key(const Lock *lock);
  * not take the lock. */
 gboolean lock_holder(const char *key, pid_t *ret_pid);
 
-/* Returns the process that lock_take() has found to hold a lock since the last call of this
- * function, whether lock_take() failed because of it or not. Returns 0 if there is none. */
+/* Returns the process that holds a lock which lock_take() has found taken since the last call of
+ * this function. lock_take() may have failed because of it or not. Returns 0 if there is none. */
 pid_t lock_steal_found(void);
 
 /* Returns the name of a process: "mesorigd --rig rig.conf (process 708)", or "process 708" if its

@@ -56,12 +56,13 @@ gboolean recording_is_place(const char *key);
 void recording_section(const struct config_section *section);
 void recording_device(const char *who, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Replaces a text by another one in the whole recording, also where its bytes are part of a message
- * in hexadecimal digits. Texts of less than 4 characters are kept, because they could be part of
- * anything, and so are texts that are part of the name of a device in the rig file. instead NULL
- * replaces each character by X. */
+/* Replaces a text by another one in the whole recording, also where the bytes of the text are part
+ * of a message in hexadecimal digits. A text of less than 4 characters is kept, because it could be
+ * part of anything. A text that is part of the name of a device in the rig file is also kept. If
+ * instead is NULL, each character is replaced by X. */
 void recording_hide(const char *text, const char *instead);
 
-/* Replaces n bytes of binary messages by 0, such as the address of a network interface. n is at
- * most 64. Less than 3 bytes, without zeros at the ends, are kept. */
+/* Replaces n bytes by 0 wherever they occur in binary messages, such as the address of a network
+ * interface. n is at most 64. Nothing is replaced if fewer than 3 bytes are left without the zeros
+ * at both ends. */
 void recording_hide_bytes(const guint8 *bytes, gsize n);

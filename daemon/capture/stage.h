@@ -58,6 +58,6 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
 gboolean stage_make_safe(Stage *stage, GError **error);
 
 /* Returns a text for the user that says what to do, and ends with "then continue"; g_free(). text
- * is the message of the device error, or error_details_text() if the reader knows the device. It
+ * is the message of the device error, or error_details_text() if the reader knows the device. text
  * already contains the advice of the error. If the error has none, general advice is added. */
 char *stage_advise(const char *text, const GError *error);

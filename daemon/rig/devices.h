@@ -29,8 +29,8 @@
 #define DEVICES_MAX_BANKS      64
 #define DEVICES_MAX_INTERLOCKS 4
 
-/* Speeds, delays and limits of the devices, for predicting durations. Indices are those of struct
- * rig. */
+/* Speeds, delays and limits of the devices, for predicting durations. Each array has the same
+ * indices as the devices in struct rig. */
 struct rig_timing {
     struct axis_motion turntable, arc, arm, probe, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
@@ -87,8 +87,8 @@ struct devices {
     double calibration_days;
 };
 
-/* Returns the axis with index i among turntable, arc, arm and probe, which are all axes except the
- * sweeps of lasers. Returns NULL if the rig does not have this axis. */
+/* Returns the axis with index i in the order turntable, arc, arm, probe. These are all axes except
+ * the sweeps of lasers. Returns NULL if the rig does not have this axis. */
 #define DEVICES_POSITIONERS 4
 static inline Axis *devices_positioner(const struct devices *devices, int i) {
     Axis *const all[DEVICES_POSITIONERS] = {devices->turntable, devices->arc, devices->arm,
@@ -106,12 +106,12 @@ static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
  * afterwards. Returns NULL with an error that names the file and the line. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
-/* Fails if the rig file, or a file with positions that it names, has changed since the devices were
- * opened. A rig file that is gone has not changed. */
+/* Fails if the rig file has changed since the devices were opened, or a file with positions that
+ * the rig file names. A rig file that does not exist any more counts as unchanged. */
 gboolean devices_check_file(const struct devices *devices, GError **error);
 
-/* Reads only the geometry from the rig file, and opens no device. Drivers do not check their
- * options together. */
+/* Reads only the geometry from the rig file, and opens no device. Whether the options of one driver
+ * fit each other is not checked. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
 /* Reads geometry and timing from the options of the rig file, for a plan without the hardware. No
  * real device is opened. For values that only an open device can report, assumptions are made. A
@@ -133,12 +133,11 @@ void devices_close(struct devices *devices);
  * commanded, returns FALSE with one error that has the messages of all of them. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* Returns the present result of devices_make_safe() as a(sss), floating: for each laser, lamp bank
- * and axis its class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe".
- * Instead of "read back", a driver whose device cannot be read back has words of its own
- * (driver_info.confirmed).
- * *ret is DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a device is unsafe,
- * otherwise DEVICE_SAFE. */
+/* Returns the present result of devices_make_safe() as a(sss), floating. Each laser, lamp bank and
+ * axis has an entry with its class, its name, and "read back", "commanded only" (no answer yet) or
+ * "NOT safe". For a device that cannot be read back, the text of driver_info.confirmed replaces
+ * "read back". *ret is DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a
+ * device is unsafe, otherwise DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
 /* Set the permit and the watch function (drivers/device.h) of each axis, lamp bank and laser. */
@@ -170,7 +169,7 @@ char *devices_describe_drivers(const char *name, gboolean json);
  * NULL if i is too large. */
 const struct driver_info *devices_driver(gsize i);
 
-/* Returns the option table of [rig], [lamp NAME] or [mark NAME], or the table of those keys of an
- * axis, lamps, camera or laser section that do not belong to the driver. Returns NULL for other
- * classes. */
+/* Returns the option table of [rig], [lamp NAME] or [mark NAME]. For a section of axis, lamps,
+ * camera or laser, returns the table of the keys that do not belong to the driver. Returns NULL for
+ * other classes. */
 const struct option *devices_section_options(const char *class_name);

@@ -48,7 +48,7 @@ enum guardian_end {
     GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
     GUARDIAN_UNSAFE, /* a device has not confirmed that it is safe: the guardian makes the rig safe
                       */
-    /* The rig could not be opened: the guardian makes it safe as with GUARDIAN_UNSAFE, but prints
+    /* The rig could not be opened. The guardian makes it safe as with GUARDIAN_UNSAFE, but prints
      * nothing about a device that is made safe at the first attempt. */
     GUARDIAN_FAILED,
 };

@@ -20,11 +20,11 @@ struct place {
     int askers[PLACE_MAX_ASKERS], n_askers;
 };
 
-/* Takes the place. If a guardian that makes the rig safe holds it, that guardian is asked to end.
- * If that guardian does not react, it is killed. Returns FALSE, and sets *ret_daemon to the
- * daemon's process number, if the guardian of a running daemon holds the place. *ret_at_work is
- * TRUE if the former guardian has not finished its work. Waits up to about 3 s. If the place cannot
- * be taken in this time, or a stranger holds it, returns TRUE without the place. */
+/* Takes the place. If a guardian that makes the rig safe holds the place, that guardian is asked to
+ * end, and killed if it does not react. *ret_at_work is TRUE if that guardian has not finished its
+ * work. Returns FALSE if the guardian of a running daemon holds the place; *ret_daemon is then the
+ * process number of that daemon. Waits up to about 3 s. If the place cannot be taken in this time,
+ * or a process that is not trusted holds it, returns TRUE without the place. */
 gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_work,
                     pid_t *ret_daemon);
 

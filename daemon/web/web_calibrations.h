@@ -23,20 +23,21 @@ WebCalibrations *web_calibrations_new(void);
 /* The child must have been freed before. NULL is ignored. */
 void web_calibrations_free(WebCalibrations *calibrations);
 
-/* {"folder", "targets": [names], "calibrations": [{"name", "bytes", "changed"}], "drafts":
+/* Answers {"folder", "targets": [names], "calibrations": [{"name", "bytes", "changed"}], "drafts":
  * [{"name", "steps": [{"step", "text"}], "files": [names]}], "working": {"name", "step"} or null,
  * "failed": {"name", "step", "why"} or null}. Targets are files with the line [target]. */
 void web_calibrations_list(const struct web_task *task);
 
-/* Begins a step; the answer is {}. The query names it: step=board, cameras, lights, laser,
+/* Begins a step, and answers {}. The query names the step: step=board, cameras, lights, laser,
  * radiometry or report. sessions=A/B are the names of the sessions of a target. board, target and
  * reflectance are the options of `mesorig calibrate`. */
 void web_calibrations_find(const struct web_task *task);
 
-/* Makes FOLDER/NAME.calibration of the last step. Refuses if this file exists. */
+/* Makes FOLDER/NAME.calibration from the result of the last step. Refuses if this file exists. */
 void web_calibrations_keep(const struct web_task *task);
 
-/* A page of the draft, which the query names: step=cameras, lights, laser, radiometry, report or
- * failed. The server forbids its scripts everything but to draw. */
+/* Answers with a page of the draft. The query names the page: step=cameras, lights, laser,
+ * radiometry, report or failed. The headers of the answer allow the scripts of the page only to
+ * draw. */
 void web_calibrations_page(const struct web_task *task);
 void web_calibrations_board(const struct web_task *task); /* the board as PDF */

@@ -49,15 +49,16 @@ void web_files_add(const struct web_task *task, const GPtrArray *names, const ch
  * task and returns NULL. */
 char *web_files_directory(const struct web_task *task, const char *name);
 
-/* {"folder": true, "files": [{"name", "bytes", "changed"}, …]}. A file is listed if it has the
- * line [session]. */
+/* Answers {"folder": true, "files": [{"name", "bytes", "changed"}, …]}. A file is listed if it has
+ * the line [session]. */
 void web_files_list(const struct web_task *task);
-/* {"folder": true, "sessions": [{"name", "changed"}, …]} */
+/* Answers {"folder": true, "sessions": [{"name", "changed"}, …]}. */
 void web_files_sessions(const struct web_task *task);
 
-/* Plan, start or queue a session file. The query may have the name of the session (session=weave2;
- * by default that of the file), the name of a calibration instead of that of the rig file
- * (calibration=rig2) and, except for a plan, process=1. queue also has yes=1. */
+/* Plan, start or queue a session file. The query may name the session (session=weave2; by default
+ * it has the name of the file) and a calibration that replaces the one of the rig file
+ * (calibration=rig2). To start or queue a session, it may have process=1. To queue a session, it
+ * may have yes=1: test shots that give warnings do not stop the session. */
 void web_files_plan(const struct web_task *task);
 void web_files_start(const struct web_task *task);
 void web_files_queue(const struct web_task *task);

@@ -17,12 +17,12 @@ void web_products_free(WebProducts *products);
 /* Begins to make a file. The query names it: product=report, page or gltf. The answer is {}. */
 void web_products_make(const struct web_task *task);
 
-/* {"making": {"session", "product"} or null, "failed": {"session", "product", "why"} or null,
- * "products": [{"session", "product", "file", "bytes"}, …]}. Files that are out of date are left
- * out. */
+/* Answers {"making": {"session", "product"} or null, "failed": {"session", "product", "why"} or
+ * null, "products": [{"session", "product", "file", "bytes"}, …]}. Files that are out of date are
+ * left out. */
 void web_products_list(const struct web_task *task);
 
-/* The files. The server forbids the scripts of pages everything but to draw. */
+/* Answer with the file. The headers of the answer allow the scripts of a page only to draw. */
 void web_products_report(const struct web_task *task);
 void web_products_page(const struct web_task *task);
 void web_products_gltf(const struct web_task *task);

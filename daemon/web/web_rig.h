@@ -60,14 +60,14 @@ void web_rig_call_files(WebRig *rig, const char *method, GVariant *parameters, W
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {
     GBytes *png;
-    /* Object with the camera, time_s, width, height, the shares of white and of black pixels, and a
-     * histogram of 64 bins for each of red, green and blue. */
+    /* A JSON object with camera, time_s, width, height, the shares of white and of black pixels,
+     * and a histogram of 64 bins for each of red, green and blue. */
     char *json;
 };
-/* picture is owned by the WebRig and valid during the call. It is NULL if error is set. */
+/* The WebRig owns picture, which is valid during the call. picture is NULL if error is set. */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
-/* Gets the latest picture of a camera. back is called once, within this function if the picture
- * is known or an error is. A picture is fetched and encoded only once, even if several clients
- * request it. The daemon is asked only for cameras that the rig has. */
+/* Gets the latest picture of a camera. back is called once. It is called within this function if
+ * the picture, or the error, is already known. A picture is fetched and encoded only once, even if
+ * several clients request it. The daemon is asked only for cameras that the rig has. */
 void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);

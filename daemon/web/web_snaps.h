@@ -18,10 +18,12 @@ void web_snaps_unref(WebSnaps *snaps);
  * picture_values.h as numbers of the sensor (openapi.json: Snap). */
 void web_snaps_take(const struct web_task *task);
 
-/* The last picture as PNG, if it is of this camera: 8 bits, sRGB, the 99th percentile is white. */
+/* Answers with the last picture as PNG, if it is of this camera: 8 bits, sRGB, the 99th percentile
+ * is white. */
 void web_snaps_png(const struct web_task *task);
 
-/* A part of WEB_SNAPS_PIXELS squared of the last picture: one grey pixel for each pixel of the
- * sensor, with the same white; saturated pixels are red. The query has the upper left corner in
- * pixels of the sensor: x=0&y=0. The part is moved into the picture. */
+/* Answers with a part of the last picture, WEB_SNAPS_PIXELS wide and high. Each pixel of the sensor
+ * is one grey pixel, with the same white as in the whole picture; saturated pixels are red. The
+ * query has the upper left corner of the part in pixels of the sensor: x=0&y=0. A part that would
+ * reach beyond the picture is moved into the picture. */
 void web_snaps_pixels(const struct web_task *task);

@@ -1,5 +1,5 @@
 /*
- * The requests of clients that are more than to look at the rig: session files and session
+ * The requests of clients that do more than show the state of the rig: session files and session
  * directories in one folder, files that are made of them, calibrations, the queue, lights by hand,
  * and pictures on request. A request is a path below /api/v1/, such as "files/weave/plan", with a
  * query such as "session=weave2". All functions belong to the main loop's thread.
@@ -9,8 +9,10 @@
 #include "web_task.h"
 
 struct web_task_path {
-    const char *before, *after; /* the path is before, name, after; without name if after is NULL */
-    gboolean acts;              /* needs POST and the token; otherwise GET without a token */
+    /* The path is before, the name, and after. If after is NULL, the path is before, without a
+     * name. */
+    const char *before, *after;
+    gboolean acts; /* TRUE: needs POST and the token; FALSE: GET without a token */
     void (*run)(const struct web_task *task);
 };
 

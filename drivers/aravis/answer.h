@@ -12,7 +12,8 @@ struct answer_state {
     guint64 shot;   /* Frame.shot of the next frame */
     gint64 sent_us; /* time when the trigger that waits for its frame was sent */
     guint64 base,
-        last_raw; /* base: added to the camera's ids; last_raw: last id as the camera sent it */
+        /* base is added to the camera's ids; last_raw is the last id as the camera sent it */
+        last_raw;
     gboolean stamp_is_end; /* the camera's time stamps are those of the end of the exposure */
 };
 

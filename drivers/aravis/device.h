@@ -47,8 +47,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 
-/* Returns one text for each function that alters the camera's frames and could not be switched off.
- * The array is NULL-terminated and owned by the device. */
+/* Returns one text for each function that alters the camera's frames and that could not be switched
+ * off. The array is NULL-terminated and owned by the device. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
 /* Returns whether this program still controls the camera (GigE), or whether the camera is still

@@ -42,8 +42,7 @@ const char *const *aravis_worker_warnings(const AravisWorker *worker);
 void aravis_worker_free(AravisWorker *worker);
 
 /* Send a request to the thread and do not wait. aravis_worker_configure() may be called before the
- * camera is armed; settings that the camera refuses are reported as the failure of each following
- * trigger. */
+ * camera is armed. If the camera refuses its settings, each trigger after that fails. */
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db);
 void aravis_worker_arm(AravisWorker *worker);
 void aravis_worker_disarm(AravisWorker *worker); /* a waiting trigger ends without an event */

@@ -11,8 +11,8 @@ gboolean modbus_is_tcp(const char *bus);
  * Free it with g_free(). */
 char *modbus_address_name(const char *bus);
 
-/* Returns "coil 3 of unit 1 at tcp:10.0.0.2:502" if what is "coil" and number is 3. Free it with
- * g_free(). */
+/* Returns the name of one thing of a unit: "coil 3 of unit 1 at tcp:10.0.0.2:502" for the what
+ * "coil" and the number 3. Free it with g_free(). */
 char *modbus_address_of(const char *what, int number, const char *bus, int unit);
 
 /* Locks a unit of a board on the network, at all addresses that its host name has. Fails like

@@ -33,7 +33,7 @@ typedef struct ModbusBus ModbusBus;
 struct modbus_job {
     struct modbus_request requests[MODBUS_MAX_REQUESTS];
     int n;
-    int tag;          /* number that the device chooses for modbus_bus_skip(); 0 or more */
+    int tag;          /* names the job in modbus_bus_skip(); 0 or more, chosen by the device */
     gboolean skipped; /* in the result: no request of the job was sent */
 };
 
@@ -41,10 +41,10 @@ struct modbus_job {
  * whole job succeeded. */
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
 
-/* For a device's open(): opens the line, or returns the open one if its settings are the same. May
- * wait timeout_ms for a connection. Errors name file and line. They are DEVICE_ERROR if the line
- * cannot be opened or another process has locked it or the unit, and CONFIG_ERROR if its settings
- * differ from those of the open line or the rig's clock is virtual. */
+/* For a device's open(): opens the line, or returns the open line if its settings are the same. May
+ * wait timeout_ms for a connection. Errors name file and line. The error is DEVICE_ERROR if the
+ * line cannot be opened, or if another process has locked the line or the unit. It is CONFIG_ERROR
+ * if the settings differ from those of the open line, or if the rig's clock is virtual. */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */

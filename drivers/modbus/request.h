@@ -23,12 +23,13 @@ struct modbus_request {
     /* After a write, the values are read back and compared. For a read, the values that were read
      * are compared with the given values. */
     gboolean verify;
-    /* MODBUS_PULSE_COIL: the coil that is on for that time; verify needs it */
+    /* MODBUS_PULSE_COIL: the coil that is on during the pulse; needed with verify */
     int coil;
 };
 
-/* Faults on a line since it was opened: requests without an answer in time, damaged answers, and
- * answers that were not believed because another answer followed. */
+/* Numbers of faults on a line since it was opened. timeouts: requests without an answer in time.
+ * damaged: damaged answers. disbelieved: answers that were not believed because another answer
+ * followed. */
 struct modbus_counts {
     int timeouts, damaged, disbelieved;
 };

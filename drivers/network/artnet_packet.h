@@ -17,9 +17,9 @@
  * and sends nothing by itself. */
 void artnet_poll(guint8 ret[ARTNET_POLL_SIZE]);
 
-/* Writes the levels of all channels of a universe. The sequence number is 0, which switches its
- * check off: a program that continues the work of another begins to count again, and a node would
- * drop the "off" of that program as old. */
+/* Writes the levels of all channels of a universe. The sequence number is 0, which means that the
+ * node does not check it. A program that continues the work of another one begins to count again. A
+ * node that checked the numbers would drop its packets as old, even an "off". */
 void artnet_dmx(int universe, const guint8 levels[ARTNET_CHANNELS], guint8 ret[ARTNET_DMX_SIZE]);
 
 #define ARTNET_PORTS 4
@@ -46,5 +46,5 @@ struct artnet_reply {
     struct artnet_output outputs[ARTNET_PORTS];
 };
 
-/* Reads an ArtPollReply. Returns FALSE if the bytes are none. */
+/* Reads an ArtPollReply. Returns FALSE if the bytes are not an ArtPollReply. */
 gboolean artnet_reply_read(const guint8 *bytes, gsize n, struct artnet_reply *ret);

@@ -1,4 +1,4 @@
-/* Drivers of lamps that are reached by UDP. WLED is also told by HTTP to be off. */
+/* Drivers of lamps that are reached by UDP. The driver of WLED also uses HTTP. */
 #pragma once
 
 #include "drivers/lamps.h"

@@ -15,7 +15,7 @@
 #define DMX_CHANNELS      512
 #define DMX_MAX_LAMPS     1024
 #define DMX_SENDS         3
-#define DMX_GAP_MS        25  /* between two frames: a frame takes 22.7 ms on the wire of DMX512 */
+#define DMX_GAP_MS        25  /* from one frame to the next; a frame takes 22.7 ms on the cable */
 #define DMX_KEEP_ALIVE_MS 900 /* Art-Net 4 and E1.31 demand 800 to 1000 ms */
 
 struct dmx;
@@ -23,19 +23,19 @@ struct dmx;
 struct dmx_protocol {
     const char *name; /* "Art-Net" */
     int min_universe, max_universe;
-    /* Returns the name of what the i-th universe occupies, for driver_info.needs and for the lock.
-     * Returns NULL if that is what an earlier universe occupies. The caller frees it with g_free().
-     */
+    /* Returns the name of the thing that the i-th universe occupies, for driver_info.needs and for
+     * the lock. Returns NULL if an earlier universe occupies the same thing. The caller frees the
+     * name with g_free(). */
     char *(*unit)(const struct dmx *dmx, int i);
     /* Sends the levels of the i-th universe. */
     gboolean (*send)(struct dmx *dmx, int i, GError **error);
-    /* Takes what has arrived, and sends what the protocol needs besides levels. urgent is TRUE if
-     * a command waits for a newer alive_us(); lit is TRUE if a lamp is lit. */
+    /* Takes the packets that have arrived, and sends what the protocol needs besides levels. urgent
+     * is TRUE if a command waits for a later time of alive_us(). lit is TRUE if a lamp is lit. */
     void (*look)(struct dmx *dmx, gboolean urgent, gboolean lit);
-    /* Returns the last time at which the receivers are known to have been there, G_MININT64 if they
-     * were never heard. */
+    /* Returns the last time at which the receivers are known to have been alive. Returns G_MININT64
+     * if nothing was ever heard from them. */
     gint64 (*alive_us)(const struct dmx *dmx);
-    /* Returns why the receivers do not obey, as of alive_us(), or NULL. */
+    /* Returns the reason why the receivers did not obey at the time alive_us(), or NULL. */
     GError *(*fault)(const struct dmx *dmx);
     /* Returns the error of a command that was not confirmed in time. */
     GError *(*silence)(const struct dmx *dmx);
@@ -97,10 +97,12 @@ void dmx_check(const struct dmx *dmx, const struct dmx_protocol *protocol,
 /* For driver_info.needs. */
 void dmx_needs(const struct dmx *dmx, const struct dmx_protocol *protocol, GPtrArray *to);
 
-/* Reads an IPv4 address such as 10.0.0.7. Returns FALSE if the text is none. "" is 0.0.0.0. */
+/* Reads an IPv4 address such as 10.0.0.7. The text "" is 0.0.0.0. Returns FALSE if the text is not
+ * an address. */
 gboolean dmx_address(const char *text, guint32 *ret);
 
-/* Returns the universe at position i, and the number of universes that n lamps need. */
+/* dmx_universe() returns the universe at position i. dmx_count_universes() returns the number of
+ * universes that the n lamps need. */
 int dmx_universe(const struct dmx *dmx, int i);
 int dmx_count_universes(const struct dmx *dmx);
 

@@ -17,7 +17,7 @@ struct sacn_source {
     int priority;                /* 0 to 200 */
 };
 
-/* Writes an E1.31 data packet. ends: the source sends nothing more for the universe
+/* Writes an E1.31 data packet. ends is TRUE if the source sends nothing more for the universe
  * (Stream_Terminated). */
 void sacn_data(const struct sacn_source *source, int universe, guint8 sequence, gboolean ends,
                const guint8 levels[SACN_CHANNELS], guint8 ret[SACN_SIZE]);

@@ -11,9 +11,9 @@ typedef struct WledHttp WledHttp;
 struct wled_answer {
     gint64 asked_us; /* the time that was given to wled_http_ask() */
     gboolean off;    /* it is the answer to a request to go off */
-    GError *error;   /* DEVICE_ERROR without a subject, or NULL; the rest is then valid */
+    GError *error;   /* DEVICE_ERROR without a subject; NULL if the members below are valid */
     gboolean on;     /* WLED shows colours of its own */
-    gboolean live;   /* WLED shows what it gets by UDP, from the address "from" */
+    gboolean live;   /* WLED shows what it gets by UDP from the address `from` */
     guint32 from;
     int n_leds;
     char version[32];
@@ -25,7 +25,8 @@ WledHttp *wled_http_new(const char *address, int port);
 void wled_http_free(WledHttp *http);
 
 gboolean wled_http_is_busy(const WledHttp *http);
-/* Begins a request for the state. off: WLED first ends the reception of UDP, and goes off. */
+/* Begins a request for the state. If off is TRUE, WLED is first told to end the reception of UDP
+ * and to go off. */
 void wled_http_ask(WledHttp *http, gboolean off, gint64 asked_us);
 /* Returns an answer that has come, or NULL. Free it with wled_answer_free(). */
 struct wled_answer *wled_http_take(WledHttp *http);

@@ -24,7 +24,8 @@
 
 typedef struct Program Program;
 
-/* The options of a struct program_command at an offset, for a driver's table. */
+/* The entries of a driver's option table for a program. at is the offset of the struct
+ * program_command in the driver's private data. */
 /* clang-format off */
 #define PROGRAM(at, field) ((at) + G_STRUCT_OFFSET(struct program_command, field))
 #define PROGRAM_OPTIONS(at)                                                                        \
@@ -72,8 +73,8 @@ struct program_request {
     JsonObject *params; /* program_call() and program_ask() take ownership; may be NULL */
     int timeout_ms;     /* longest time until the answer; 0 means PROGRAM_ANSWER_MS */
     enum program_turn turn;
-    /* After the answer the program is asked with "get". The answer to "get" is the answer of the
-     * request. Requests that are read back and go before those in turn are answered in the order in
+    /* After the answer, the program is asked with "get". The answer to this "get" becomes the
+     * answer of the request. Requests with read_back and PROGRAM_FIRST are answered in the order in
      * which they were made. */
     gboolean read_back;
     int tag; /* chosen by the driver, and repeated in the answer */
@@ -112,16 +113,15 @@ void program_listen(Program *program, const struct program_listener *listener);
 /* Makes a request, whose answer the listener gets. */
 void program_call(Program *program, const struct program_request *request);
 
-/* Says that the requests with this tag are overtaken by a request that follows. Requests that
- * were not sent are never sent, and end with DEVICE_ERROR_BUSY. The answers to the others have
- * overtaken set. */
+/* Says that a later request replaces the requests with this tag. Those that were not sent are never
+ * sent, and end with DEVICE_ERROR_BUSY. In the answers to the others, overtaken is TRUE. */
 void program_overtake(Program *program, int tag);
 
 /* Returns whether the program says in its answer to "hello" that it can do something. */
 gboolean program_can(const Program *program, const char *what);
 
-/* Adds to an error about an answer (message.h, pgm.h): the path of the program, the name of its
- * device and, if the error has none, advice. */
+/* Adds to an error about an answer (message.h, pgm.h) the path of the program and the name of its
+ * device. Also adds advice if the error has none. */
 void program_name_error(const Program *program, GError **error);
 
 /* Makes the error of an event "lost", from the values of the event. */

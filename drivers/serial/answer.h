@@ -19,10 +19,10 @@
 enum gcode_state {
     GCODE_IDLE,
     GCODE_RUN,
-    GCODE_HOLD, /* sub state 0: stands; 1: still brakes */
+    GCODE_HOLD, /* sub is 0: the axes stand; 1: they still brake */
     GCODE_JOG,
     GCODE_ALARM,
-    GCODE_DOOR, /* sub state 0: closed; 1: open; both stand. 2 and 3: still moves */
+    GCODE_DOOR, /* sub is 0: door closed, axes stand; 1: door open, axes stand; 2, 3: axes move */
     GCODE_CHECK,
     GCODE_HOME,
     GCODE_SLEEP,
@@ -54,12 +54,13 @@ enum gcode_kind {
     GCODE_POSITION, /* answer of Marlin or Klipper to M114 */
     GCODE_FAILURE,  /* Marlin: "Error:TEXT"; Klipper: "!! TEXT" */
     GCODE_KILLED,   /* Marlin has stopped for good, until it is reset */
-    GCODE_SCALE,    /* Marlin's M92 (steps per unit), M201 or M203 (NUMBER) */
-    GCODE_UNKNOWN,  /* Marlin does not know the command "L" and NUMBER; Klipper: does not know TEXT
-                     */
-    GCODE_ECHO,     /* Klipper's answer to "ECHO MESORIG=NUMBER" */
-    GCODE_STATE,    /* NUMBER is a state of Klipper */
-    GCODE_LIMIT,    /* Klipper's VALUE of all axes for M201 or M203 (NUMBER) */
+    /* Marlin's settings of M92 (steps per unit), M201 or M203; NUMBER is 92, 201 or 203 */
+    GCODE_SCALE,
+    /* Marlin does not know the command "L" with NUMBER, or Klipper does not know TEXT */
+    GCODE_UNKNOWN,
+    GCODE_ECHO,  /* Klipper's answer to "ECHO MESORIG=NUMBER" */
+    GCODE_STATE, /* NUMBER is a state of Klipper */
+    GCODE_LIMIT, /* Klipper's VALUE for all axes of the limit of M201 or M203 (NUMBER) */
 };
 
 enum klipper_state {
@@ -75,11 +76,13 @@ struct gcode_answer {
     int number;
     double value;
     struct gcode_report report;
-    /* POSITION: at has the positions to which the axes were sent, steps those of the motors. SCALE:
-     * at has the values. */
+    /* GCODE_POSITION: at has the positions to which the axes were sent, and steps has those of the
+     * motors. GCODE_SCALE: at has the values. */
     gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
     double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
-    char text[64]; /* VERSION, FAILURE, Klipper: OK with a version, UNKNOWN: printable ASCII */
+    /* Printable ASCII. Set for GCODE_VERSION, GCODE_FAILURE, GCODE_KILLED and GCODE_UNKNOWN, and
+     * for a GCODE_OK of Klipper that has a version. */
+    char text[64];
 };
 
 /* Parse a line without its end. A line that is recognisably damaged becomes GCODE_NONE. */

@@ -16,7 +16,7 @@ enum phase {
     GREETING, /* the port is open; the board has not answered yet */
     READY,
     RUNNING,  /* the request of board->active is under way */
-    STOPPING, /* the board stops, for all clients whose stops is TRUE */
+    STOPPING, /* the board stops all motion, for the clients that have requested it (stops) */
 };
 
 enum request { NO_REQUEST, MOVE, HOME_ALL, HOME_AXIS, HOME_HERE };
@@ -39,7 +39,7 @@ struct GcodeClient {
 };
 
 struct dialect {
-    /* Starts to talk to a board whose port has just been opened. */
+    /* Begins the greeting of a board: its port has just been opened. */
     void (*greet)(GcodeBoard *board);
     /* Takes a line that the board has sent. */
     void (*take)(GcodeBoard *board, const struct gcode_answer *answer);
@@ -54,7 +54,7 @@ struct dialect {
      * unanswered. */
     int window;
     gboolean one_line;
-    const char *halted; /* for an error: what it means that the board has halted itself */
+    const char *halted; /* for an error: what it means if the board has halted itself */
 };
 
 extern const struct dialect gcode_grbl, gcode_marlin, gcode_klipper;
@@ -99,7 +99,7 @@ struct GcodeBoard {
     /* The rest is used by the dialects. */
     int stage;                 /* enum stage of the dialect */
     gint64 stage_us, until_us; /* beginning and deadline of the stage */
-    int n_final;               /* number of reports so far that show the end of a motion */
+    int n_final;               /* number of reports that show that a motion has ended, so far */
 
     /* GRBL */
     int n_wco; /* number of offsets that are known */
@@ -110,7 +110,7 @@ struct GcodeBoard {
     double final_at[GCODE_MAX_AXES]; /* of the last final report */
     int n_resets;                    /* number of Ctrl-X of the stage */
     int n_owed;                      /* number of Ctrl-X without a banner yet */
-    char other[16];                  /* name of the state that was reported last and is not known */
+    char other[16];                  /* name of the unknown state that was reported last */
     int n_other;                     /* number of reports with this state in a row */
 
     /* GRBL and Klipper */
@@ -119,16 +119,16 @@ struct GcodeBoard {
     gboolean reset_once;           /* GREETING: a silent board was reset (Ctrl-X, M112) */
 
     /* Marlin and Klipper */
-    int token;       /* number of the last command that is only sent for its echo */
+    int token;       /* number in the last command that was sent only for its echo */
     gboolean echoed; /* the echo of that command has come */
     gboolean synced; /* the "ok" after that echo has come */
-    gboolean killed; /* the board has halted itself, until it is reset */
+    gboolean killed; /* the board has halted itself, and obeys nothing until it is reset */
 
     /* Marlin */
     int n_line;                   /* number of the last line */
     GQueue history;               /* of char *: the last lines, up to number n_line */
-    int resends;                  /* number of the line that the board wants again; 0: none */
-    gboolean nudged;              /* an empty line was sent after the line that has no answer */
+    int resends;                  /* number of the line that the board asks for again; 0 if none */
+    gboolean nudged;              /* an empty line was sent, because the last line got no answer */
     double steps[GCODE_MAX_AXES]; /* where the motors were in the last report */
     int n_steps_same;             /* number of reports in a row with these steps */
     gint64 same_us;               /* time of the first of these reports */
@@ -151,7 +151,8 @@ void gcode_board_send(GcodeBoard *board, const char *text, gboolean is_long);
 void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n);
 /* Takes the answer to the oldest unanswered line. Returns FALSE if there is none. */
 gboolean gcode_board_answered(GcodeBoard *board);
-/* Drops the lines that were not sent, and expects no answers to those that were. */
+/* Drops the lines that were not sent. No answers are expected any more to the lines that were
+ * sent. */
 void gcode_board_forget_lines(GcodeBoard *board);
 /* Returns whether no line waits to be sent or answered. */
 gboolean gcode_board_is_answered(const GcodeBoard *board);
@@ -161,8 +162,8 @@ void gcode_board_moved(GcodeBoard *board, const double *at, int n);
 
 /* Ends the greeting or the stop, and with it the stops of all clients, without an error. */
 void gcode_board_ready(GcodeBoard *board);
-/* Ends the active request, and for HOME_ALL those of all clients that want the same. error
- * is NULL if the request has succeeded. Takes ownership of error. */
+/* Ends the active request. If it is a HOME_ALL, also ends the HOME_ALL requests of all other
+ * clients. error is NULL if the request has succeeded. Takes ownership of error. */
 void gcode_board_end_request(GcodeBoard *board, GError *error);
 /* Ends the stop or the greeting with an error. If it was the greeting, also closes the port and
  * ends all requests. Takes ownership of error. */
@@ -179,8 +180,8 @@ void gcode_board_begin(GcodeBoard *board, int stage, double ms);
 gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms);
 /* Returns the shortest time between two reports that a client wants, idle_ms at most. */
 double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
-/* Returns whether homing has moved the watched axis of a client away from board->before without a
- * request of the client. */
+/* Returns whether homing has moved the axis of a client away from board->before, although the
+ * client is watched and has not requested the homing. */
 gboolean gcode_board_was_dragged(const GcodeBoard *board, const GcodeClient *client);
 /* Returns the longest brake_s of all clients. */
 double gcode_board_brake_s(const GcodeBoard *board);

@@ -24,8 +24,8 @@ struct usb_match {
     guint8 interface_class; /* the first interface of this class is claimed */
     const char *serial;
     const char *path; /* for example "1-2.4": the bus, then the port at each hub */
-    /* Reads the serial number of a device that does not have it in its string descriptor. The
-     * result is freed with g_free(). NULL for other devices. */
+    /* Reads the serial number of a device that does not have it in its string descriptor. Free the
+     * result with g_free(). NULL if the string descriptor has it. */
     char *(*read_serial)(UsbDevice *usb);
 };
 

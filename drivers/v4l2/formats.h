@@ -29,8 +29,9 @@ struct video_format {
 /* Returns the format with a code, or NULL if it cannot be used for measuring. */
 const struct video_format *video_format_find(guint32 fourcc);
 
-/* Returns the format of two that is better for measuring. NULL is the worst. Bayer is preferred to
- * mono, and mono to luma. Among equals, more bits are better, then fewer bytes. */
+/* Returns the one of two formats that is better for measuring; any format is better than NULL.
+ * Bayer is preferred to mono, and mono to luma. Among equals, more bits are better, then fewer
+ * bytes. */
 const struct video_format *video_format_better(const struct video_format *a,
                                                const struct video_format *b);
 

@@ -32,9 +32,9 @@ struct video_pix {
     gboolean full_range;
 };
 
-/* Opens the node at path. If path is NULL or empty, opens the node on bus, and a bus that is
- * NULL or empty matches any node. Fails if no node matches, or more than one. The node is not open
- * then. Keeps who, which must stay valid. */
+/* Opens the node at path. If path is NULL or empty, opens the node whose bus is bus; if bus is also
+ * NULL or empty, any node matches. Fails if no node matches, or if more than one does. The node is
+ * then not open. Keeps who, which must stay valid. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
 /* Closes the node. A node that is not open, or that is zeroed with fd -1, is allowed. */
