@@ -5,19 +5,20 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-#define MAX_SIZE  (32 << 20) /* of the messages */
-#define MIN_RUN   8          /* equal bytes that are written as one, with their number */
+#define MAX_SIZE (32 << 20) /* of the messages */
+/* from this number of equal bytes 00 or ff on, they are written as one, with their number */
+#define MIN_RUN   8
 #define MIN_HIDE  4
 #define MIN_BYTES 3
 
 struct bus {
     char *kind, *address;
-    GString *line; /* what was received of a line that is not complete */
+    GString *line; /* the received part of a line that is not complete yet */
 };
 
 struct hidden {
     char *text, *instead;
-    gboolean is_hex; /* the digits of bytes that were hidden */
+    gboolean is_hex; /* the text consists of the hexadecimal digits of hidden bytes */
 };
 
 static struct {

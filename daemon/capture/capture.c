@@ -368,8 +368,8 @@ static double time_left_s(const Capture *capture) {
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         guint n;
         const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
-        /* After a pause, this run continues with the times that it has measured. After an abort, a
-         * new run will take the shots, which has not measured any times yet. */
+        /* After a pause, this run continues with the times that it has measured. After an abort,
+         * the shots are taken by a new run, which has measured no times yet. */
         return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
     return time_left_at_s(left, capture_session_now_s(session));

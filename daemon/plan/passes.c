@@ -291,9 +291,9 @@ static GHashTable *list_alike(const GArray *shots, const struct rig *rig) {
 }
 
 /* Takes the list of a shot out of the table and returns it. The caller then owns it. Returns NULL
- * if the shot has no key or if its list is empty. Also returns NULL, and sets *ret_later to TRUE,
- * if the table has no list for the key (any more). The caller therefore gets each list once, for
- * the first of its shots. */
+ * if the shot has no key, or if its list is empty. Also returns NULL if the list of its key was
+ * already taken out; *ret_later is then TRUE. The caller therefore gets each list once, for the
+ * first of its shots. */
 static GArray *take_list(GHashTable *table, const struct session_shot *shot, const struct rig *rig,
                          gboolean *ret_later) {
     g_autofree char *key = can_be_in_pass(shot) ? key_of(shot, rig) : NULL;

@@ -10,8 +10,9 @@
 #define PART_LINE_BYTES 20
 /* File systems allocate space in blocks of this size (ext4, XFS, Btrfs, tmpfs). */
 #define BLOCK_BYTES 4096
-/* Bytes in session.db: the tables and texts of a session without shots; a shot; a direction; a
- * frame with its path and its checksum. */
+/* Bytes in session.db. EMPTY_BYTES are those of the tables and texts of a session without shots.
+ * Each shot takes SHOT_BYTES, each direction DIRECTION_BYTES, and each frame FRAME_BYTES, with its
+ * path and its checksum. */
 #define EMPTY_BYTES     (56 << 10)
 #define SHOT_BYTES      120
 #define DIRECTION_BYTES 50
@@ -78,8 +79,8 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
 }
 
 /* Returns the share of a camera's pixels that are lit. Under a lamp, these are the pixels that show
- * the sample with its margin. For a sweep, they are the pixels that the line passes and that show
- * the sample with its margin or, if the session has a flat face around the sample, anything. */
+ * the sample with its margin. For a sweep, only pixels that the line passes are counted. They must
+ * also show the sample with its margin, unless the session has a flat face around the sample. */
 static double lit_share(const struct session_conf *conf, const struct rig *rig,
                         const struct session_shot *shot, const struct plan_footprint *footprint) {
     const double x_mm = conf->grid.width_mm / 2 + conf->sweep_margin_mm;

@@ -4,10 +4,11 @@
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_LISTED 12
 
-/* A camera, lamp or laser that can show directions, with its position in spherical coordinates (of
- * lamps and lasers: with the arc at 0). fixed is set for lamps and lasers that are not on the arc.
- * on_arm is set for a camera on the arm, with the arm at arm_udeg. axis is the arm or the probe
- * that carries the device, at axis_deg; NULL if neither does. */
+/* A camera, lamp or laser that can show directions. Its position is given in spherical coordinates;
+ * for lamps and lasers it is the position with the arc at 0. fixed is TRUE for lamps and lasers
+ * that are not on the arc. on_arm is TRUE for a camera on the arm; arm_udeg is then the angle of
+ * the arm. axis is the arm or the probe that carries the device, and axis_deg its angle. axis is
+ * NULL for a device that neither carries. */
 struct candidate {
     const char *name;
     double theta_deg;
@@ -128,12 +129,12 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
     return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
 }
 
-/* Returns the index of the device for a direction, and the angle that shows the direction.
- * Considers only devices at the polar angle of the direction that are not fixed, and returns −1 if
+/* Returns the index of the device for a direction, and the angle that shows the direction. Only
+ * devices are considered that are at the polar angle of the direction and not fixed; returns −1 if
  * there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
  * preferred whose angle is already in angles, so that no pose is added. If the rig has no
- * turntable, a camera that stands near the direction gets the angle 0. A camera that does not can
- * also be returned. Its angle is not 0, and the caller refuses it. */
+ * turntable, a camera that stands near the direction gets the angle 0. The angle of any other
+ * camera is then not 0, and the caller refuses it. */
 static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,
                   const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;

@@ -213,6 +213,8 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
  *   l = max(W, R)                    if s is a sweep: its laser was off before;
  *   l = min(max(W, R), max(M', R))   if s has a lamp: the lamp warms up, or it was left on in
  *                                    another pose. A move must then leave that pose.
+ *   l = R                            instead, if W > max(M, R) and another shot in p has the same
+ *                                    lamp: that shot may have left the lamp on.
  * Every pose except the first is entered by a move, and the time before the shot that enters it is
  * at least max(M, R, l). Pose p therefore takes at least Σ l + min over its shots of max(0, max(M,
  * R) − l). For the first pose, the move and the largest l do not count, because no time may pass

@@ -55,8 +55,9 @@ static void guardian_send(Guardian *guardian, enum message message) {
         g_debug("cannot send to the guardian: %s", g_strerror(errno));
 }
 
-/* Receives the next answer. A guardian that ends without having read a beat resets the connection.
- * This is told once, before the answers that it has sent. */
+/* Receives the next answer. If a guardian ends without having read a heartbeat, the kernel reports
+ * ECONNRESET once, before it delivers the answers that the guardian has sent. That error is
+ * ignored. */
 static ssize_t receive(const Guardian *guardian, char bytes[ANSWER_MAX]) {
     const ssize_t n = recv(guardian->socket, bytes, ANSWER_MAX, MSG_DONTWAIT);
     return n < 0 && errno == ECONNRESET ? recv(guardian->socket, bytes, ANSWER_MAX, MSG_DONTWAIT)

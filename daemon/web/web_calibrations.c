@@ -34,7 +34,7 @@ static const struct step {
 /* A step that is being computed, or that has failed. */
 struct work {
     WebCalibrations *calibrations;
-    char *name, *draft; /* of the calibration, and the path of its draft */
+    char *name, *draft; /* name of the calibration; path of its draft */
     const struct step *step;
     char *why; /* error message */
 };
@@ -417,7 +417,8 @@ static void add_draft(const struct web_task *task, const char *name, GVariantBui
     g_variant_builder_close(to);
 }
 
-/* Returns a maybe of an object for a step; NULL gives nothing. */
+/* Returns a GVariant of type maybe: an object that describes the step, or nothing if work is
+ * NULL. */
 static GVariant *describe(const struct work *work) {
     GVariantBuilder to;
     if (!work)

@@ -11,7 +11,7 @@
 #include "partial/partial_forecast.h"
 
 #define LOOK_US       (G_USEC_PER_SEC / 5) /* time between two looks at the session */
-#define OPEN_AGAIN_S  2  /* after which a session that cannot be read is tried again */
+#define OPEN_AGAIN_S  2  /* seconds until a session that could not be read is tried again */
 #define READ_TOGETHER 16 /* maximum number of pictures between two events */
 #define FORECAST_S    3  /* minimum time between two forecasts */
 /* minimum time between two forecasts, relative to the processor time of the last one */
@@ -42,7 +42,7 @@ struct following {
     GPtrArray *waiting;    /* of struct request, not owned */
     char *session, *layout, *problem;
     int n_pairs, n_measured, n_forecasts;
-    GBytes **pictures; /* n_pairs: measured pictures; NULL if they are not measured */
+    GBytes **pictures; /* for each pair: the measured picture, or NULL */
     PartialForecast *forecast;
 };
 
@@ -245,8 +245,8 @@ static void append_directions(GString *to, const char *name, const GPtrArray *di
     g_string_append_c(to, ']');
 }
 
-/* Appends how to interpolate between directions: rings, or else triangles. With too few directions
- * there are neither. */
+/* Appends the rings or, without rings, the triangles that say how to interpolate between
+ * directions. If there are too few directions, both are empty. */
 static void append_between(GString *to, const char *name, const GPtrArray *directions) {
     const int n = (int)directions->len;
     g_autofree float *theta_deg = g_new(float, n), *phi_deg = g_new(float, n);

@@ -163,7 +163,8 @@ static void add_text(GVariantBuilder *to, const char *key, const char *value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_string(value));
 }
 
-/* Returns a maybe of an object; why may be NULL. product NULL gives nothing. */
+/* Returns a GVariant of type maybe: an object that describes the product, or nothing if product is
+ * NULL. why may be NULL. */
 static GVariant *describe(const struct product *product, const char *why) {
     GVariantBuilder to;
     if (!product)

@@ -10,7 +10,8 @@ void web_queue_resume(const struct web_task *task) {
     web_task_call(task, "QueueResume", NULL, NULL);
 }
 
-/* Reads a number from 1 on. If the text is none, answers the task and returns FALSE. */
+/* Reads a number of at least 1. If the text is not such a number, answers the task and returns
+ * FALSE. */
 static gboolean read_number(const struct web_task *task, const char *text, guint status,
                             const char *why, guint *ret) {
     guint64 number;

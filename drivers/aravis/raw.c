@@ -93,7 +93,8 @@ struct survey {
 
 struct visit { /* the state of a feature over all positions of its selectors */
     gboolean available, on;
-    /* Values at the first position where the feature is on, or else at the last position. */
+    /* values at the first position where the feature is on; if it is on nowhere, at the last
+     * position */
     char *position, *value, *why;
 };
 

@@ -25,7 +25,7 @@
 #define MIN_CARD_KB  1024
 #define COMPANION_US (G_USEC_PER_SEC / 2) /* shortest time to wait for a raw file after a JPEG */
 #define DATE_US      (3 * G_USEC_PER_SEC) /* largest error of the date of a file */
-#define LOOK_US      G_USEC_PER_SEC       /* time before the deadline for a look at the card */
+#define LOOK_US      G_USEC_PER_SEC       /* kept before the deadline, for a look at the card */
 #define USB_DEVICES  "/sys/bus/usb/devices"
 #define PTPIP_MODEL  "PTP/IP Camera"
 
@@ -254,8 +254,8 @@ static char *path_text(const CameraFilePath *path) {
     return g_build_filename(path->folder, path->name, NULL);
 }
 
-/* Returns whether a file is only in the camera's memory. The library names such files capt0000 and
- * so on, in the root folder, and begins again with each connection. */
+/* Returns whether a file is only in the camera's memory. The library puts such files into the root
+ * folder, names them capt0000 and so on, and begins to count again with each connection. */
 static gboolean is_in_memory(const CameraFilePath *path) {
     return strcmp(path->folder, "/") == 0;
 }
@@ -317,7 +317,8 @@ static gboolean is_picture(Still *still, const CameraFilePath *path) {
     return FALSE;
 }
 
-/* Returns when the camera dates a file, by its own clock. Returns 0 if it gives no date. */
+/* Returns the date that the camera gives a file, by the camera's clock. Returns 0 if there is no
+ * date. */
 static gint64 date_us(Still *still, const CameraFilePath *path) {
     CameraFileInfo info = {0};
     if (gp_camera_file_get_info(still->camera, path->folder, path->name, &info, still->context) <
@@ -492,9 +493,9 @@ static char *read_model(Still *still) {
                                                     : g_steal_pointer(&model);
 }
 
-/* Makes the library read a setting whenever it is asked for. It keeps values for 2 s otherwise,
- * also if the camera reports a change during a transfer. The library stores this in its own file of
- * settings. */
+/* Makes the library read a setting from the camera each time it is asked. Without this call, it
+ * returns values of up to 2 s ago, even if the camera reports a change during a transfer. The
+ * library stores this in its own file of settings. */
 static void forbid_cache(void) {
     char is[1024]; /* the library asks for this size */
     char name[] = "ptp2", key[] = "cachetime", value[] = "0";
@@ -567,9 +568,10 @@ static gboolean pause_shot(const struct still_shot *shot, GError **error) {
     return FALSE;
 }
 
-/* Returns the time in µs by which a loop that looks for events may run longer, because this program
- * could not run for that time, for example on a busy computer. A virtual camera or the network was
- * often held up as well. *pass_us is the time of the last call, and is set to the present time. */
+/* Returns the time in µs by which a loop that looks for events may run longer: the time in which
+ * this program could not run, for example on a busy computer. A virtual camera or the network was
+ * often held up for the same time. *pass_us is the time of the last call, and is set to the present
+ * time. */
 static gint64 forgive(gint64 *pass_us) {
     const gint64 took_us = now_us() - *pass_us;
     *pass_us += took_us;
@@ -650,8 +652,8 @@ static gboolean set_all(Still *still, gint64 us, GError **error) {
     return apply(still, error) && set(still, still->shutter, find_exposure(still, us)->text, error);
 }
 
-/* Sets the error of a trigger or picture that has failed: a full card, an empty battery, or else
- * the text what. Always returns FALSE. */
+/* Sets the error of a trigger or picture that has failed: that the card is full, that the battery
+ * is empty, or otherwise the text what. Always returns FALSE. */
 static gboolean fail_shot(Still *still, const char *what, GError **error) {
     still->battery_us = 0;
     if (still->camera && (!check_card(still, error) || !check_battery(still, error)))

@@ -53,7 +53,7 @@ struct modbus_axis {
     /* still_us: time of the last command or of the last poll that saw a motion. progress_us:
      * time of the last command or of the last change of position. */
     gint64 still_us, progress_us;
-    gint64 heard_us, fed_us; /* times of the last answer and of the last write of watchdog */
+    gint64 heard_us, fed_us; /* heard_us: last answer; fed_us: last write of watchdog */
     gint64 polled_us;        /* time of the poll that is under way */
 };
 

@@ -34,8 +34,8 @@ struct artnet_lamps {
     struct dmx dmx;
     guint32 node;
     ArtnetSocket *socket;
-    gint64 polled_us;       /* time of the last request; UNHEARD after an answer */
-    gint64 lit_polled_us;   /* time of the last request, also after an answer */
+    gint64 polled_us;       /* time of the last request; UNHEARD if an answer has come since */
+    gint64 lit_polled_us;   /* time of the last request, answered or not */
     struct output *outputs; /* of each universe */
     gboolean answered;      /* the node has answered, whatever its universes are */
 };

@@ -14,9 +14,9 @@
 struct command {
     int index; /* -1: all lamps */
     gboolean on;
-    int n_sent;               /* number of frames that were sent with its levels, up to DMX_SENDS */
-    gint64 begun_us, sent_us; /* sent_us: time of the last of these frames */
-    gboolean ended;           /* the result is to be reported */
+    int n_sent;               /* number of times that the levels were sent, up to DMX_SENDS */
+    gint64 begun_us, sent_us; /* sent_us: when the levels were last sent */
+    gboolean ended;           /* a function waits for the command, and its result is not reported */
     gboolean waited_for;      /* by a function, so nothing is reported */
     GError *error;
 };
@@ -290,7 +290,7 @@ void dmx_wake(struct dmx *dmx) {
     wake(dmx, 0);
 }
 
-/* Reports one result. The listener may close the bank, so this is the last that a caller does. */
+/* Reports one result. A caller does nothing afterwards, because the listener may close the bank. */
 static void deliver(struct dmx *dmx) {
     LampBank *bank = dmx->bank;
     for (GList *l = dmx->commands.head; l; l = l->next) {

@@ -29,8 +29,8 @@ struct call {
     enum program_turn turn;
     gboolean read_back;
     int tag;
-    /* number of the request in the order of requests; a "get" that reads back has the number of
-     * the request before it */
+    /* Number of the request in the order of the requests. The "get" that reads back has the number
+     * of its request. */
     guint64 number;
     gboolean is_read_back; /* the "get" after a request that was answered */
     guint64 id;            /* id of the request in its message; 0 if it was not sent */

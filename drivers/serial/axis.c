@@ -158,7 +158,7 @@ static gboolean turn(Axis *axis, double target_deg, double speed_deg_s, GError *
     struct gcode_axis *priv = axis->device.priv;
     const double scale = fabs(priv->units_per_deg);
     const double units = priv->home_units + (target_deg - priv->home_deg) * priv->units_per_deg;
-    /* Boards calculate positions with floats of 24 bits. */
+    /* Boards calculate positions with single-precision floats. */
     if (fabs(units) * (double)FLT_EPSILON > priv->tolerance_deg * scale)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,

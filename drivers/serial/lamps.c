@@ -405,7 +405,7 @@ static void read_input(struct serial_lamps *lamps) {
     }
 }
 
-/* Reports one result. The listener may close the bank, so this is the last that a caller does. */
+/* Reports one result. A caller does nothing afterwards, because the listener may close the bank. */
 static void deliver(struct serial_lamps *lamps) {
     LampBank *bank = lamps->bank;
     for (GList *l = lamps->requests.head; l; l = l->next) {

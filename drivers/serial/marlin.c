@@ -29,7 +29,7 @@
 enum stage {
     ASKING,   /* the echo of "L" is due */
     SETTINGS, /* GREETING */
-    WATCHING, /* GREETING, STOPPING: until the motors do not turn */
+    WATCHING, /* until the motors stand, in the phases GREETING and STOPPING */
     MOVING,
     FINISHING, /* M400 was sent */
     HOMING,
@@ -48,8 +48,9 @@ static void send(GcodeBoard *board, const char *command, gboolean is_long) {
         g_free(g_queue_pop_head(&board->history));
 }
 
-/* Sends the lines from a number on again. Returns FALSE if they are not kept. A line whose number
- * was damaged may have been answered, so earlier lines than the unanswered one are kept, too. */
+/* Sends the line of this number and all later lines again. Returns FALSE if the line is not kept
+ * any more. More lines than the unanswered one are kept: if the number of a line was damaged on its
+ * way, Marlin may have answered the line and ask for an earlier one. */
 static gboolean send_again(GcodeBoard *board, int number) {
     const int first = board->n_line + 1 - (int)g_queue_get_length(&board->history);
     if (number < first || number > board->n_line)
@@ -188,7 +189,7 @@ static gboolean restore(GcodeBoard *board) {
                                board->before[client->letter]);
         units_s = MIN(units_s, client->last_units_s);
     }
-    board->n_before = 0; /* only once: an axis that does not get there is reported as moved */
+    board->n_before = 0; /* only one attempt: an axis that fails is reported as moved */
     if (isinf(units_s))
         return FALSE;
     g_string_append_printf(line, " F%.4f", units_s * 60);
@@ -342,7 +343,8 @@ static void tick(GcodeBoard *board, gint64 now_us) {
         line && gcode_board_is_past(board, since, line->is_long ? ms + BUSY_MS : ms);
     const gboolean late = board->until_us < now_us;
     const double poll_ms = board->phase == READY ? WATCH_MS : gcode_board_poll_ms(board, WATCH_MS);
-    /* The end of the line may be lost. An empty line does nothing. */
+    /* If the end of the line was lost, this newline ends the line. Otherwise the empty line does
+     * nothing. */
     if (line && !board->nudged && gcode_board_is_past(board, since, ms / 2)) {
         board->nudged = TRUE;
         gcode_board_write(board, "\n", 1);
