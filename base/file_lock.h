@@ -1,7 +1,8 @@
 /*
- * A lock for the writer of a file. The kernel releases the lock when its holder ends for any
- * reason. The lock is a separate file that contains the process number of its holder. The file is
- * removed with the lock. Any thread may call these functions.
+ * A lock for the writer of a file. The lock is a separate file that contains the process number of
+ * its holder. file_lock_give() releases the lock and removes that file. If the holder ends for any
+ * other reason, the kernel releases the lock, and the file remains. Any thread may call these
+ * functions.
  */
 #pragma once
 

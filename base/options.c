@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Suffixes of keys that give the unit. A suffix stands before every shorter suffix with which it
- * ends, such as deg_s before s. */
+/* Suffixes of keys that give the unit; a _ stands before the suffix. deg_s stands before s, because
+ * the first suffix that fits is taken. */
 static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
                                     "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
                                     "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};

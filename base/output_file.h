@@ -14,7 +14,8 @@
  * A program calls output_file_new() before its long work, so that the user learns early that a
  * name is refused. It calls output_file_end() when the file is complete. Until then the file is in
  * a separate folder next to its final place, NAME.XXXXXXXX.part. If it cannot be moved to its
- * place, it is kept next to that place, and the error names it.
+ * place, it is kept next to that place, and the error names it. For a device or pipe, that folder
+ * is in the folder for temporary files, and a file that cannot be delivered is kept there.
  *
  * A file is of a kind if it contains "mesorig.kind" and the kind: as an attribute of an EXR, as a
  * text chunk of a PNG, or as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or

@@ -155,7 +155,8 @@ gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us);
  * these reports is missing. */
 gboolean axis_was_at(const Axis *axis, gint64 at_us, double *ret_deg);
 
-/* Stops the axis. Does nothing and succeeds if the axis stands or is already being stopped. */
+/* Stops the axis. Does nothing and succeeds if no motion is under way, or if the axis is already
+ * being stopped. */
 gboolean axis_stop(Axis *axis, GError **error);
 
 /* Stops any motion, including one that another program has started and that axis_stop() does not
@@ -166,7 +167,8 @@ gboolean axis_is_homed(const Axis *axis);
 /* Returns DEVICE_SAFE if the axis stands, DEVICE_TOLD if it moves or if an answer to "stop" is due,
  * and DEVICE_UNSAFE if the last "stop" has failed. */
 enum device_safety axis_safety(const Axis *axis);
-/* Returns TRUE until the event of the motion has been delivered. Settling is part of the motion. */
+/* Returns TRUE from the start of a motion until its event. It is FALSE when the listener gets the
+ * event. Settling is part of the motion. */
 gboolean axis_is_moving(const Axis *axis);
 double axis_position_deg(Axis *axis);
 

@@ -29,7 +29,7 @@ typedef struct Lock Lock;
 
 enum lock_role {
     /* The default. Takes the lock, or fails. Waits up to five seconds for a program that is making
-     * the device safe. */
+     * the device safe if the device is LOCK_ALONE. */
     LOCK_OWNER,
     /* The next two roles make a rig safe. Both fail if another process is making the device safe
      * and the device is LOCK_ALONE. */

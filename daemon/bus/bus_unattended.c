@@ -25,7 +25,7 @@ struct bus_unattended {
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
-    gboolean has_worked; /* a session has run since the axes were last parked */
+    gboolean has_worked; /* a session of the queue has run since the axes were last parked */
     guint n_parking;     /* number of axes that are being parked */
     /* The state in which the rig was left when the queue became empty, or the reason why this
      * daemon has no queue. NULL if neither applies. */
@@ -323,8 +323,8 @@ static void on_parked(gpointer data, const GError *error) {
         rest_now(at);
 }
 
-/* Parks the rig when the queue is empty: switches lights off and moves the axes to their parking
- * positions. */
+/* Parks the rig when the queue is empty: switches lights off and moves the axes, except the sweeps
+ * of lasers, to their parking positions. */
 static void park(struct bus_unattended *at) {
     g_autoptr(GError) error = NULL;
     at->has_worked = FALSE;

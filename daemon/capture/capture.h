@@ -45,7 +45,7 @@ struct capture_status {
     enum capture_state state;
     enum capture_fault fault; /* the fault that caused a pause */
     const char *reason;       /* the reason for a pause; NULL otherwise */
-    /* the reason for a pause if the user must do something; NULL otherwise */
+    /* the reason for a pause if a laser must be mounted by hand; NULL otherwise */
     const char *prompt;
     const char *doing; /* the current activity in a few words, for people */
     /* The shot that is being taken, or the last one that was taken. NULL before the first shot.

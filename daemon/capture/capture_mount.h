@@ -27,9 +27,10 @@ gboolean capture_mount_is_in_place(const struct capture_mounts *mounts,
 guint capture_mount_reach(const struct capture_mounts *mounts, const struct rig_timing *timing,
                           GPtrArray *shots);
 
-/* Chooses the mounting that is needed by the first of these shots that cannot be taken yet. Returns
- * the prompt for the user (g_free()), and the name of the unit. The rig must be paused with this
- * prompt. */
+/* Chooses the mounting that is needed next: that of a unit whose place is not known or, if all
+ * places are known, the one that the first of these shots needs that cannot be taken yet. Returns
+ * the prompt for the user (g_free()), and sets *ret_unit to the name of the unit. The rig must be
+ * paused with this prompt. */
 char *capture_mount_ask(struct capture_mounts *mounts, const struct capture_session *session,
                         const struct session_shot *const *shots, guint n, const char **ret_unit);
 

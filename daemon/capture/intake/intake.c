@@ -81,7 +81,7 @@ struct Intake {
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* number of intake_discard() calls; workers drop earlier work */
-    gsize bytes;      /* bytes of frames and sweeps that wait for a worker; written by workers */
+    gsize bytes;      /* bytes of frames and sweeps that wait for a worker; atomic */
     int full;         /* see intake_is_full(); read by workers */
     int steps_over;   /* number of end_step() calls that release_steps() must still handle */
 };
