@@ -86,7 +86,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Config, config_free)
 const char *config_path(const Config *config);
 const char *config_text(const Config *config); /* text of the file as it was read */
 
-/* Returns the sections in file order. The Config owns them. */
+/* Returns the array of all sections, of which there are *ret_n, in file order. The Config owns
+ * it. */
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
 /* Returns the section with this class and name. If name is NULL, returns the only section of the

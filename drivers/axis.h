@@ -145,13 +145,13 @@ gboolean axis_can_turn(const Axis *axis);
 gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error);
 double axis_turned_from_deg(const Axis *axis);
 
-/* Predicts the time at which the turn under way passes an angle, from the last report and the
- * speed. Returns FALSE if no turn is under way, or if the axis has not reported since it reached
- * its constant speed. */
+/* Predicts the time *ret_us of the Clock at which the turn under way passes an angle, from the last
+ * report and the speed. Returns FALSE if no turn is under way, or if the axis has not reported
+ * since it reached its constant speed. */
 gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us);
 
-/* Returns the position at a time during the last turn, which may have ended. The position is
- * interpolated linearly between the reports before and after that time. Returns FALSE if one of
+/* Computes the position *ret_deg at a time during the last turn, which may have ended. The position
+ * is interpolated linearly between the reports before and after that time. Returns FALSE if one of
  * these reports is missing. */
 gboolean axis_was_at(const Axis *axis, gint64 at_us, double *ret_deg);
 

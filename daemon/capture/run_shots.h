@@ -19,7 +19,7 @@ void run_shots_clear(struct run_shots *run);
 /* Sets the leg to the first n shots of the list. */
 void run_shots_set_leg(struct run_shots *run, guint n);
 
-/* Returns the shots that are not committed, and their number. The array is valid until the list
+/* Returns the array of the *ret_n shots that are not committed. It is valid until the list
  * changes. */
 const struct session_shot *const *run_shots_left(const struct run_shots *run, guint *ret_n);
 

@@ -14,7 +14,8 @@ struct capture_thumbnail {
     double time_s;
 };
 
-/* Makes a thumbnail. *ret_rgb has height rows of width pixels of 3 bytes; g_free(). */
+/* Makes a thumbnail. *ret_width and *ret_height are its size in pixels. *ret_rgb has *ret_height
+ * rows of *ret_width pixels of 3 bytes; g_free(). */
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb);
 
 /* The same as thumbnail_make(), with at most max_pixels pixels in width and in height. Each pixel

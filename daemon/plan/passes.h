@@ -3,15 +3,15 @@
  *
  * A pass is a turn of the turntable ("table") in the positive direction, with one lamp lit and all
  * other axes standing. It begins before its first shot, so that the table can accelerate, settle,
- * and report its position for the first time at its final speed. The pass ends after its last
- * shot. If stopping at each angle is quicker, the shots are not in a pass, and their pass number
- * is 0.
+ * and report its position for the first time at its final speed. The pass ends after its last shot.
+ * If stopping at each angle is quicker, the shots are not in a pass, and their pass number is 0.
  *
  * At the speed ω of the table, a point at the sample's corner, at the distance r from the axis,
- * moves by ω r t during an exposure of t. The pose of a frame is known to within ω r 2 δ. Here δ is
- * the maximum error of the times of frames and of the table's positions, both together. ω is chosen
- * so that neither length exceeds [capture] blur_texels of a texel, and is then rounded down to two
- * significant digits. If the maximum speed of the table is lower, ω is that speed.
+ * moves by ω r t during an exposure of t. The pose of a frame is known to within ω r · 2 δ. Here δ
+ * is the sum of two maximum errors: that of the times of frames, and that of the times of the
+ * table's positions. ω is chosen so that neither length exceeds [capture] blur_texels of a texel,
+ * and is then rounded down to two significant digits. If the maximum speed of the table is lower, ω
+ * is that speed.
  *
  * Passes depend only on the session file, the rig's nominal geometry, its timing and the given
  * shots. They do not depend on which shots are already taken. A session that is resumed therefore

@@ -200,7 +200,7 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
                                 const struct session_shot *const *shots, const GArray *group);
 
 /* Computes the angles of the sweep axis between which a laser's sheet passes over the sample's box
- * with its margin. */
+ * with its margin: from *ret_from_deg to *ret_to_deg. */
 void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 

@@ -16,12 +16,12 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle that some view or light needs. For views (cameras is not empty), it is an angle of the
- * turntable at which these cameras show a view. For lights (cameras is empty), it is the angle of
- * the arc minus the angle of the turntable. All fixed lamps and lasers (those that are not on the
- * arc) share one entry (fixed). The arc, if the rig has one, stands at 0 for this entry. If one of
- * the cameras is on the arm (on_arm), all cameras of the entry that are on the arm are at one of
- * its stops, arm_udeg. */
+/* An angle that some view or light needs. If cameras is not empty, udeg is an angle of the
+ * turntable at which these cameras show a view. Otherwise the entry is for lights, and udeg is the
+ * angle of the arc minus the angle of the turntable. fixed is TRUE in the one entry that all fixed
+ * lamps and lasers share (those that are not on the arc); the arc stands at 0 for this entry.
+ * on_arm is TRUE if one of the cameras is on the arm. All cameras of the entry that are on the arm
+ * then have the same stop, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
     struct camera_set cameras;
@@ -81,9 +81,9 @@ gint64 plan_wrap(gint64 udeg); /* returns the angle modulo 360°, from 0 to belo
 /* Returns whether the rig does not have this axis. */
 gboolean plan_is_absent(const struct axis_motion *motion);
 
-/* Computes the position at which an axis has an angle (modulo 360°): the one in [0°, 360°) if the
- * axis wraps, otherwise one within the limits of the axis, near 0. Returns FALSE if there is
- * none. */
+/* Computes the position *ret_udeg at which an axis has an angle (modulo 360°): the one in [0°,
+ * 360°) if the axis wraps, otherwise one within the limits of the axis, near 0. Returns FALSE if
+ * there is none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
 /* Returns those of the cameras that cannot see the whole disc of radius_mm around the origin
@@ -95,8 +95,9 @@ struct camera_set plan_blocked(const struct rig *rig, struct camera_set cameras,
 struct camera_set plan_blocked_by(const struct rig *rig, struct camera_set cameras,
                                   struct vec3 light_mm, double radius_mm);
 
-/* Finds the smallest turn of the arc, in steps of 0.1° up to 20°, after which none of the cameras
- * is blocked. Returns FALSE if there is none within the limits of the axis. */
+/* Finds the smallest turn of the arc, *ret_shift_udeg, after which none of the cameras is blocked.
+ * Turns are tried in steps of 0.1° up to 20°. Returns FALSE if there is none within the limits of
+ * the axis. */
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, struct camera_set cameras,
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);

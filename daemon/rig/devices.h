@@ -113,9 +113,10 @@ gboolean devices_check_file(const struct devices *devices, GError **error);
 /* Reads only the geometry from the rig file, and opens no device. Whether the options of one driver
  * fit each other is not checked. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
-/* Reads geometry and timing from the options of the rig file, for a plan without the hardware. No
- * real device is opened. For values that only an open device can report, assumptions are made. A
- * line about each assumption is appended to assumed (of char *, with a free function). */
+/* Reads geometry and timing from the options of the rig file into *ret_geometry and *ret_timing,
+ * for a plan without the hardware. No real device is opened. Values that only an open device can
+ * report are assumed. A line about each assumption is appended to assumed (of char *, with a free
+ * function). */
 gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
 /* Reads the geometry from the text of a rig file that a session keeps. path is used in errors. */

@@ -21,8 +21,8 @@ struct finder_modbus {
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);
 
 /* Asks the G-code board at a serial port which language it speaks (serial/detect.h). *ret_dialect
- * is a value of the key dialect, which is not freed. The caller frees *ret_firmware. Opening the
- * port resets most boards. Blocks for at most 7 s. */
+ * and *ret_baud are values of the keys dialect and baud; *ret_dialect is not freed. The caller
+ * frees *ret_firmware. Opening the port resets most boards. Blocks for at most 7 s. */
 gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);
 

@@ -36,8 +36,8 @@ enum safe_try {
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
     /* No attempt can succeed, because the section of the device is wrong, or may name another
-     * device. This is also the result for a device that is left to another mesorigd, which has it
-     * open. */
+     * device. This is also the result if an attempt of a guardian fails for another reason than the
+     * lock while a mesorigd has the device open: the device is left to that mesorigd. */
     SAFE_TRY_NEVER,
 };
 

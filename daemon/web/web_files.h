@@ -30,9 +30,9 @@ char *web_files_path(const struct web_task *task, const char *name, const char *
  * without a folder. g_ptr_array_unref() */
 GPtrArray *web_files_names(const struct web_task *task, const char *ending);
 
-/* Returns the text of a file of at most `most` bytes; g_free(). Returns NULL with errno if it
- * cannot be read, is a link or no regular file, is too large, or is not UTF-8. A FIFO does not
- * block. */
+/* Returns the text of a file of at most `most` bytes; g_free(). *ret_info is the status of the
+ * file. Returns NULL with errno if the file cannot be read, is a link or no regular file, is too
+ * large, or is not UTF-8. A FIFO does not block. */
 char *web_files_read(const char *path, gsize most, struct stat *ret_info);
 
 /* Adds an entry {"name", "bytes", "changed"} for each file FOLDER/NAME.conf that has this section,

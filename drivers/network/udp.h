@@ -11,7 +11,8 @@ int udp_open(guint32 local_address, guint16 port, GError **error);
  * which is EAGAIN or ENOBUFS. */
 int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize n);
 
-/* Receives a packet. Returns its length, or -1 if there is none. */
+/* Receives a packet. Returns its length, or -1 if there is none. *ret_address is the address of the
+ * sender. */
 gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address);
 
 /* Returns the broadcast address of the network in which this computer has an address, or 0. */

@@ -49,7 +49,7 @@ gboolean message_boolean(JsonObject *values, const char *name, gboolean *ret, GE
 gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean *ret,
                           GError **error);
 
-/* Reads an array of one or more integers. Free *ret with g_free(). */
+/* Reads an array of one or more integers. *ret_n is their number. Free *ret with g_free(). */
 gboolean message_integers(JsonObject *values, const char *name, gint64 min, gint64 max,
                           gint64 **ret, int *ret_n, GError **error);
 

@@ -23,11 +23,12 @@ struct radiance_stats {
 };
 
 /* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
- * pixel at the exposure of frame i. The exposures of a pixel are weighted by their length.
- * Saturated exposures are left out. Whether an exposure is saturated is decided by the merged value
- * instead of its own noisy value, so that noise causes no bias. The curvature of the sensor is
- * corrected first: a signal of x DN is read as x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is
- * 0 for a linear sensor. ret has width × height values. */
+ * pixel at the exposure of frame i. ret has width × height values, and *ret_stats describes them.
+ *
+ * The exposures of a pixel are weighted by their length. Saturated exposures are left out. Whether
+ * an exposure is saturated is decided by the merged value instead of its own noisy value, so that
+ * noise causes no bias. The curvature of the sensor is corrected first: a signal of x DN is read as
+ * x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is 0 for a linear sensor. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
