@@ -22,7 +22,8 @@ gboolean mistakes_add(Mistakes *mistakes, GError *mistake);
 guint mistakes_count(const Mistakes *mistakes);
 
 /* Returns TRUE if there are no mistakes. Otherwise sets the error. A single mistake becomes the
- * error itself. Several become one error with the domain and code of the first, whose text is
+ * error itself. Several become one error with the domain and code of the first one. The text of the
+ * error is
  *     FILE: 3 mistakes:
  *     FILE:LINE: …
  * with one line for each mistake. The lines are ordered by error_details_line(); mistakes without a

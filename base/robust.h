@@ -28,6 +28,6 @@ static inline double robust_biweight(double residual, double scale) {
 }
 
 /* Returns the posterior mean of a value, seen · known² / (known² + error²). seen is the measured
- * value, and error its standard error. The prior is a normal distribution whose mean is 0 and whose
- * standard deviation is the parameter “known”. */
+ * value, and error its standard error. The prior is a normal distribution with the mean 0 and the
+ * standard deviation `known`. */
 double robust_shrink(double seen, double error, double known);

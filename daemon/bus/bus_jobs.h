@@ -23,8 +23,9 @@ void bus_jobs_clear(struct bus_jobs *jobs);
 typedef void (*BusJobDone)(GDBusMethodInvocation *invocation, GVariant *result, GError *error,
                            gpointer data);
 
-/* Starts a job. invocation is NULL for a session of the queue, whose caller is in the request. The
- * job sets devices and limits of the request. free_data is called after done and may be NULL. */
+/* Starts a job. invocation is NULL for a session of the queue; the user is then named by caller of
+ * the request. The job sets devices and limits of the request. free_data is called after done and
+ * may be NULL. */
 void bus_jobs_start(struct bus_jobs *jobs, struct preparer_request *request,
                     GDBusMethodInvocation *invocation, BusJobDone done, gpointer data,
                     GDestroyNotify free_data);

@@ -62,8 +62,8 @@ static gboolean read_request(struct prepare_work *work) {
 }
 
 /* Sets a limit of this process. At the soft limit of CPU time, the kernel sends SIGXCPU, which the
- * daemon reports. The hard limit is 5 s higher, because at the hard limit the kernel sends SIGKILL,
- * whose reason is not visible. */
+ * daemon reports. The hard limit is 5 s higher. At the hard limit the kernel sends SIGKILL, which
+ * does not show the reason. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
     return setrlimit(resource, &rlimit) == 0;

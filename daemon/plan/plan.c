@@ -215,8 +215,8 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     return positions;
 }
 
-/* Adds the shots of a pose for cameras in whose pictures the arc stands: with a shifted arc if
- * on_blocked is shift and this helps, otherwise as skipped. Fails if on_blocked is refuse. */
+/* Adds the shots of a pose for blocked cameras (plan_blocked()): with a shifted arc if on_blocked
+ * is shift and this helps, otherwise as skipped. Fails if on_blocked is refuse. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
     g_autofree char *names = plan_camera_names(b, p.cameras);
@@ -670,8 +670,8 @@ static gboolean plan_check_directions(const struct plan_build *b, GError **error
                            error);
 }
 
-/* Checks the size again when the shots are known. Cameras in whose pictures the arc stands have
- * added poses and shots. */
+/* Checks the size again when the shots are known, because blocked cameras have added poses and
+ * shots. */
 static gboolean check_poses(const struct plan_build *b, GError **error) {
     g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
     for (guint i = 0; i < b->poses->len; i++)

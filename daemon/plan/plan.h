@@ -145,9 +145,9 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
 /* Sets ret_first[i] to whether shot i of n belongs to the first round of [lasers] stop = covered.
  * These are all shots except the sweeps that may add little according to the rig's geometry. The
- * sweeps of each turntable angle are chosen one after the other, up to [lasers] first. Each time,
- * the sweep is chosen whose sum of coverage_model_adds() over its cameras is the largest. The order
- * of the shots does not matter. Without STOP_COVERED, all shots belong to the first round. */
+ * sweeps of each turntable angle are chosen one after the other, up to [lasers] first. The next one
+ * is always the sweep with the largest sum of coverage_model_adds() over its cameras. The order of
+ * the shots does not matter. Without STOP_COVERED, all shots belong to the first round. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 

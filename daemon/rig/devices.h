@@ -1,10 +1,13 @@
 /* The rig that a rig file describes. Every device is opened by its driver, and the same sections
  * give the nominal geometry (geometry/rig.h). The list of drivers is in devices_drivers.c.
  *
- * The sections are [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which
- * is optional; further axes for the sweeps of the lasers, of which several lasers may share one;
- * [lamps BANK], which places its lamps (lamp_places.h) or has a [lamp NAME] for each of them;
- * [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], which are optional.
+ * The sections are:
+ * - [rig]
+ * - [axis turntable], [axis arc], [axis arm] and [axis probe]; each is optional
+ * - [axis NAME] for the sweeps of the lasers; several lasers may share one axis
+ * - [lamps BANK], which places its lamps (lamp_places.h) or has a [lamp NAME] for each of them
+ * - [camera NAME], [laser NAME]
+ * - [interlock NAME] and [mark NAME], which are optional
  *
  * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by [axis
  * arc], or is overhead if there is no such axis. An axis that the rig does not have counts as
@@ -76,8 +79,8 @@ struct devices {
     /* an interlock that stands for all interlocks of the rig and guards the lasers; NULL if the rig
      * has no interlock */
     Interlock *guard;
-    /* The rig file as it was read, except that lamps whose positions are in another file are
-     * written as sections [lamp NAME]. */
+    /* The rig file as it was read. Lamps with positions in another file are written as sections
+     * [lamp NAME] instead. */
     char *text;
     char *path; /* absolute path of the rig file */
     /* Absolute path of the calibration that the rig file names; NULL if it names none. */

@@ -54,8 +54,7 @@ static void read_axis(const struct layout *layout, const struct config_section *
         return;
     const struct layout_device *device = layout_device(layout, section);
     const struct option *first = options_find(device->info->options, "wraps");
-    if (first) /* the option table of the driver then has all options of AXIS_MOTION_OPTIONS, whose
-                  values are in a struct axis_motion */
+    if (first) /* the driver then has all options of AXIS_MOTION_OPTIONS, in a struct axis_motion */
         *ret = *(const struct axis_motion *)G_STRUCT_MEMBER_P(
             device->fields, (goffset)first->offset - G_STRUCT_OFFSET(struct axis_motion, wraps));
     else {

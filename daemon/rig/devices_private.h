@@ -58,8 +58,8 @@ void layout_clear(struct layout *layout);
 const struct layout_device *layout_device(const struct layout *layout,
                                           const struct config_section *section);
 
-/* Returns the text of the rig file as a session keeps it: without references to files of
- * positions, whose lamps are written as sections [lamp NAME]. Free it with g_free(). */
+/* Returns the text of the rig file as a session keeps it. References to files of positions are left
+ * out, and their lamps are written as sections [lamp NAME]. Free it with g_free(). */
 char *layout_text(const struct layout *layout);
 
 /* Returns the keys that the rig reads in a section of a class, in addition to the driver's keys.

@@ -166,7 +166,7 @@ static void worker_lose(AravisWorker *worker, GError *error) {
     close_device(worker);
 }
 
-/* Stops waiting for a frame and reports an error, of which it takes ownership. If the error says
+/* Stops waiting for a frame and reports an error. Takes ownership of the error. If the error says
  * that the camera is lost, also reports the loss and closes the camera. */
 static void worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);

@@ -113,7 +113,7 @@ struct request {
     JsonObject *params;
 };
 
-/* Reads a request, whose strings and objects the parser owns. Returns FALSE if the line is no
+/* Reads a request. The parser owns its strings and objects. Returns FALSE if the line is not a
  * request with a method and params. */
 static gboolean parse(JsonParser *parser, const char *line, struct request *ret) {
     if (!json_parser_load_from_data(parser, line, -1, NULL) ||

@@ -691,8 +691,8 @@ static gboolean trigger(Still *still, const struct still_shot *shot, gint64 late
     }
 }
 
-/* Looks for the picture on the card. Returns FALSE without an error if it is not there. The first
- * picture may be a JPEG and a raw file, of which the raw file is taken. */
+/* Looks for the picture on the card. Returns FALSE without an error if it is not there. If the
+ * first picture is a JPEG and a raw file, the raw file is taken. */
 static gboolean look_for_picture(Still *still, gint64 begin_us, CameraFilePath *ret,
                                  GError **error) {
     g_autoptr(GArray) found = look_again(still, begin_us, error);

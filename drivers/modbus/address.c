@@ -58,7 +58,7 @@ static char *unit_key(GInetAddress *address, guint16 port, int unit) {
 }
 
 /* Returns the keys of a unit, one for each address of its host. It calls getaddrinfo() and not
- * GResolver, whose threads do not exist in a child process of the safe state. */
+ * GResolver: a child process of the safe state does not have the threads of GResolver. */
 static GPtrArray *unit_keys(const char *bus, int unit) {
     const struct addrinfo wanted = {.ai_socktype = SOCK_STREAM};
     GPtrArray *keys = g_ptr_array_new_with_free_func(g_free);

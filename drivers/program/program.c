@@ -280,7 +280,7 @@ static void drop_process(Program *program) {
     program_process_close_pipes(&program->process);
 }
 
-/* Ends the program because of an error, of which it takes ownership. Call it last. */
+/* Ends the program because of an error. Takes ownership of the error. Call it last. */
 static void fail(Program *program, GError *error) {
     const gboolean was_ready = program->state == READY;
     g_clear_error(&program->failure);

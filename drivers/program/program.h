@@ -83,9 +83,9 @@ struct program_request {
 /* The functions that tell a driver what its program does. They are called from the main loop.
  * Each of them may close the program. */
 struct program_listener {
-    /* The program was started, has opened its device, and has then ended or was killed. answered
-     * says that the loss has also ended requests, whose errors were delivered just before. The
-     * program is not started again before the next request. May be NULL. */
+    /* The program was started, has opened its device, and has then ended or was killed. answered is
+     * TRUE if requests were waiting; their errors were delivered just before. The program is not
+     * started again before the next request. May be NULL. */
     void (*lost)(const GError *error, gboolean answered, gpointer data);
     /* The program has sent an event. May be NULL. */
     void (*event)(const char *event, JsonObject *values, gpointer data);
@@ -110,7 +110,7 @@ JsonObject *program_ask(Program *program, const struct program_request *request,
  * nothing is told any more, and requests that were not sent are dropped without an answer. */
 void program_listen(Program *program, const struct program_listener *listener);
 
-/* Makes a request, whose answer the listener gets. */
+/* Makes a request. The listener gets the answer. */
 void program_call(Program *program, const struct program_request *request);
 
 /* Says that a later request replaces the requests with this tag. Those that were not sent are never

@@ -195,7 +195,7 @@ static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *e
     tic->sent = g_list_remove(tic->sent, user);
     g_free(user);
     if (sent.command != tic->n_commands)
-        return; /* an earlier command, whose failure is no longer relevant */
+        return; /* the result of an earlier command is no longer relevant */
     /* Report only the first of several failures with the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
         tic_fault(axis, g_error_copy(error));

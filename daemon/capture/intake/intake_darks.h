@@ -13,8 +13,8 @@ struct intake_dark {
 
 struct intake_darks {
     struct intake_dark levels[SHOT_MAX_DARKS];
-    /* interpolated levels for exposures without dark frames; the index is that of the frame in its
-     * shot */
+    /* Interpolated levels for exposures without dark frames. The index is that of a frame in its
+     * shot. */
     struct intake_dark guesses[PLAN_MAX_BRACKET];
 };
 
@@ -23,9 +23,9 @@ struct intake_darks {
 void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us, float *pixels,
                       double mean_dn);
 
-/* Returns the dark level for a frame, whose index in its shot is sub. For an exposure without dark
- * frames, the level is interpolated from other exposures. Valid until the next call of a function
- * of this header. */
+/* Returns the dark level for a frame. sub is the index of the frame in its shot. For an exposure
+ * without dark frames, the level is interpolated from other exposures. Valid until the next call of
+ * a function of this header. */
 const struct intake_dark *intake_darks_at(struct intake_darks *darks, int sub, const Frame *frame);
 
 void intake_darks_clear(struct intake_darks *darks);
