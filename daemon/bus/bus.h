@@ -43,8 +43,9 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
 /* Keeps a queue of sessions in this file (queue.h), and captures the sessions while a rig is open.
- * Call it at most once, before any client calls. If the file cannot be used, there is no queue. The
- * log and the answers to calls about the queue then say so, and the rig serves all other calls. */
+ * Call it at most once, before any client calls. If the file cannot be locked, there is no queue.
+ * The log and the answers to calls about the queue then say so, and the rig serves all other
+ * calls. */
 void bus_keep_queue(Bus *bus, const char *path);
 
 gboolean bus_has_rig(const Bus *bus); /* whether a rig is open */

@@ -3,8 +3,8 @@
  *
  * Every request is answered with the levels of all lamps. A switch succeeds only if the answer
  * shows the wanted level. A request without an answer is sent up to N_TRIES times in all. "Off" is
- * sent before all other requests, and without waiting for their answers. An "on" is not sent again
- * after an "off" of its lamp.
+ * sent before every "on" and ping, and without waiting for their answers. "Off" of all lamps is
+ * also sent before "off" of one lamp. An "on" is not sent again after an "off" of its lamp.
  *
  * While a lamp is lit, the controller is pinged, so that its watchdog keeps the lamp on. A lamp
  * counts as lit only from its confirmed "on" to its next command.
@@ -40,7 +40,7 @@ struct request {
     gint64 due_us;       /* deadline of the answer */
     gboolean not_again;  /* an "off" of the lamp has followed */
     gboolean ended;      /* the result is to be reported */
-    gboolean waited_for; /* by a function, so nothing is reported */
+    gboolean waited_for; /* a function waits for the request; its result is not reported */
     GError *error;
 };
 
@@ -62,7 +62,7 @@ struct serial_lamps {
     int number;      /* of the last request */
     int n, watchdog_ms;
     gint64 fed_us; /* time when the last request was sent */
-    /* as the answer to the last command has confirmed it */
+    /* State of each lamp, as the answer to its last command has confirmed it. */
     enum lamp_state states[LAMP_LINE_MAX_LAMPS];
     GError *lost; /* to be reported */
 };
