@@ -35,9 +35,9 @@ struct config_section {
     char *class_name;     /* first word of the heading */
     char *name;           /* rest of the heading, or NULL */
     int line;
-    /* whether its heading could not be parsed, so that its keys must be ignored */
+    /* the heading could not be parsed, so the keys of the section must be ignored */
     gboolean broken;
-    /* whether one of its lines could not be parsed, so that keys may be missing */
+    /* a line of the section could not be parsed, so keys may be missing */
     gboolean incomplete;
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* maps a key to its value and line; private to config.c */

@@ -312,8 +312,8 @@ static void replace(GString *in, const struct hidden *hidden) {
     }
 }
 
-/* Replaces the values of keys that are places by the number of the bus, or leaves them out. Hides
- * them from the messages. */
+/* Replaces the values of keys that are places by the number of the bus, or leaves the values out.
+ * These values are also hidden in the messages. */
 static char *places_numbered(void) {
     g_auto(GStrv) lines = g_strsplit(recording.sections->str, "\n", -1);
     for (char **line = lines; *line; line++) {

@@ -56,10 +56,11 @@ gboolean recording_is_place(const char *key);
 void recording_section(const struct config_section *section);
 void recording_device(const char *who, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Replaces a text by another one in the whole recording, also where the bytes of the text are part
- * of a message in hexadecimal digits. A text of less than 4 characters is kept, because it could be
- * part of anything. A text that is part of the name of a device in the rig file is also kept. If
- * instead is NULL, each character is replaced by X. */
+/* Replaces a text by another one in the whole recording. If instead is NULL, each character is
+ * replaced by X. In a message in hexadecimal digits, the bytes of the text are replaced only if
+ * instead is NULL or has the same length as the text. A text of less than 4 characters is kept,
+ * because it could be part of anything. A text that is part of the name of a device in the rig file
+ * is also kept. */
 void recording_hide(const char *text, const char *instead);
 
 /* Replaces n bytes by 0 wherever they occur in binary messages, such as the address of a network

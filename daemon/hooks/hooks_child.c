@@ -67,8 +67,8 @@ static void take_output(struct child *child, gsize n) {
 
 /* Runs between fork and exec. Makes a process group, so that the program and the processes that it
  * starts can be ended together. data is memory that is shared with the parent, for the number of
- * the group. The parent cannot ask GSubprocess for the number, because a program that has ended
- * already has none there, and may have left processes behind. */
+ * the group. The parent needs the number even after the program has ended, because the program may
+ * have left processes behind. GSubprocess does not give the number of a program that has ended. */
 static void prepare_child(gpointer data) {
     pid_t *group = data;
     setpgid(0, 0);

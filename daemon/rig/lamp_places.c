@@ -101,8 +101,9 @@ static gboolean add_rings(GArray *lamps, const struct bank_fields *fields,
     return TRUE;
 }
 
-/* Sets the place of a lamp from a vector from the middle of the turntable's top. Returns FALSE with
- * an error if a lamp cannot stand there. distance_mm is 0 if the length of the vector counts. */
+/* Sets the place of a lamp from a vector from the middle of the turntable's top. If distance_mm is
+ * 0, the length of the vector is the distance of the lamp. Returns FALSE with an error if a lamp
+ * cannot stand there. */
 static gboolean set_vector(struct lamp_place *lamp, const double v[3], double distance_mm,
                            const char *path, int line, GError **error) {
     const double level = hypot(v[0], v[1]), length = hypot(level, v[2]);

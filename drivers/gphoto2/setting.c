@@ -82,7 +82,8 @@ static gboolean refuse(const char *name, const char *value, char **choices, GErr
                 names->str);
 }
 
-/* Puts the value into the widget. A list gets its own spelling of the value. */
+/* Puts the value into the widget. If the widget is a list, it gets the value as the list spells
+ * it. */
 static gboolean fill(Widget *widget, const char *name, const char *value, GError **error) {
     CameraWidgetType type;
     g_auto(GStrv) choices = read_choices(widget);

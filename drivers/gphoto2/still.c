@@ -274,7 +274,8 @@ static void remove_file(Still *still, const CameraFilePath *path) {
         g_printerr("mesorig-gphoto2: %s stays on the card: %s\n", text, reason(still, code));
 }
 
-/* Appends the files of a folder and of its folders that are not known, and makes them known. */
+/* Appends the files of a folder and of its subfolders that are not known yet, and makes them
+ * known. */
 static gboolean find_new(Still *still, const char *folder, GArray *to, GError **error) {
     g_autoptr(Names) names = NULL, folders = NULL;
     gp_list_new(&names);

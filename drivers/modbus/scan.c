@@ -125,7 +125,8 @@ gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrAr
     gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
     for (int unit = first; ok && unit <= last; unit++) {
         enum presence registers = scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
-        /* The largest of 32, 16, 8, … coils that the unit reads in one request; 0: none. */
+        /* The largest number of coils, 32, 16, 8, …, that the unit reads in one request; 0 if
+         * none. */
         int coils = registers == ABSENT ? 0 : 32;
         while (coils > 0 && scan_ask(line, link, unit, MODBUS_READ_COILS, coils) != ANSWERS)
             coils /= 2;

@@ -187,7 +187,7 @@ static void finish_dark(struct lane *lane, const struct taken_frame *taken) {
 }
 
 /* Measures the marks on the turntable in a picture under a lamp. Returns an array of struct
- * fiducial_seen, or NULL if the rig has no marks. */
+ * fiducial_seen, or NULL if there is no calibration, or if it has no marks or not this lamp. */
 static GArray *measure_marks(const struct lane *lane, const struct taken_frame *taken,
                              const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
