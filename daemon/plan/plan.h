@@ -153,10 +153,10 @@ void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
 
 /* Sets ret_first[i] for those of n shots that are of lamps: whether the shot belongs to the
  * first round of [lights] sampling = adaptive. The elements of other shots do not change. The
- * first round has [lights] first shots for each turntable angle, spread over all pairs of a view
- * and a light of this rig, and prefers shots that take less time. The first round is the same
- * for all materials, and a larger first contains the shots of a smaller one. Without
- * SAMPLING_ADAPTIVE nothing is set. */
+ * first round has, on average, [lights] first shots for each turntable angle. They are spread over
+ * all pairs of a view and a light of this rig, and shots that take less time are preferred. The
+ * first round is the same for all materials, and a larger first contains the shots of a smaller
+ * one. Without SAMPLING_ADAPTIVE nothing is set. */
 void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing, const struct session_shot *const *shots,
                       int n, gboolean *ret_first);

@@ -4,20 +4,18 @@
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_LISTED 12
 
-/* A camera, lamp or laser that can show directions. Its position is given in spherical coordinates;
- * for lamps and lasers it is the position with the arc at 0. fixed is TRUE for lamps and lasers
- * that are not on the arc. on_arm is TRUE for a camera on the arm; arm_udeg is then the angle of
- * the arm. axis is the arm or the probe that carries the device, and axis_deg its angle. axis is
- * NULL for a device that neither carries. */
+/* A camera, lamp or laser that can show directions. */
 struct candidate {
     const char *name;
+    /* Position in spherical coordinates; for lamps and lasers, the position with the arc at 0. */
     double theta_deg;
     gint64 phi_udeg;
-    gboolean fixed;
-    gboolean on_arm;
-    gint64 arm_udeg;
+    gboolean fixed;  /* the device is a lamp or laser that is not on the arc */
+    gboolean on_arm; /* the device is a camera on the arm */
+    gint64 arm_udeg; /* angle of the arm for a camera on the arm */
+    /* the arm or the probe that carries the device; NULL if neither does */
     const struct axis_motion *axis;
-    double axis_deg;
+    double axis_deg; /* angle of that axis */
 };
 
 gboolean plan_is_absent(const struct axis_motion *motion) {

@@ -11,8 +11,8 @@
 
 typedef struct WebChild WebChild;
 
-/* Receives the end of a process. If ok, text is what mesorig printed to standard output. Otherwise
- * text is its error message. The callee does not own text. */
+/* Receives the end of a process. If ok, text is what mesorig printed to standard output, at most
+ * 64 KiB. Otherwise text is its error message. The callee does not own text. */
 typedef void (*WebChildDone)(gboolean ok, const char *text, gpointer data);
 
 WebChild *web_child_new(void);
@@ -20,6 +20,7 @@ WebChild *web_child_new(void);
 void web_child_free(WebChild *child);
 
 /* Starts mesorig with these arguments, which end with NULL. done is called once, never within this
- * function. Returns FALSE with an error if another process runs or if mesorig is not found. */
+ * function. Returns FALSE with an error if another process runs, or if mesorig is not found or
+ * cannot be started. */
 gboolean web_child_start(WebChild *child, const char *const *arguments, WebChildDone done,
                          gpointer data, GError **error);

@@ -62,4 +62,5 @@ void web_files_sessions(const struct web_task *task);
 void web_files_plan(const struct web_task *task);
 void web_files_start(const struct web_task *task);
 void web_files_queue(const struct web_task *task);
+/* Resumes the session directory of the task's name. The query may have process=1. */
 void web_files_resume(const struct web_task *task);

@@ -10,8 +10,8 @@
 
 #define WEB_HANDS_MAX_LEASE_S 15
 
-/* The query has the lease: for_s=5, more than 0 and at most WEB_HANDS_MAX_LEASE_S. The same request
- * begins it again. The answer is {} when the light is stable. */
+/* The query has the lease in seconds, from 0.1 to WEB_HANDS_MAX_LEASE_S: for_s=5. The same request
+ * begins the lease again. The answer is {} when the light is stable. */
 void web_hands_lamp_on(const struct web_task *task);
 void web_hands_laser_on(const struct web_task *task);
 void web_hands_lamp_off(const struct web_task *task);

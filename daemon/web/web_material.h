@@ -3,7 +3,7 @@
  * (processing/partial). Two threads of low priority work: one reads the session's new pictures and
  * predicts the pictures that clients ask for, the other one predicts the expected error every few
  * seconds, with at most a sixteenth of a processor. The session is only read. All functions belong
- * to the main loop's thread, and return immediately.
+ * to the main loop's thread, and all but web_material_free() return immediately.
  */
 #pragma once
 
@@ -17,7 +17,8 @@ typedef struct WebMaterial WebMaterial;
  * number that changes with each prediction. */
 typedef void (*WebMaterialNews)(const char *json, gpointer data);
 WebMaterial *web_material_new(WebMaterialNews news, gpointer data);
-void web_material_free(WebMaterial *material); /* NULL is ignored; waits for the threads */
+/* Waits for the threads of the session that is followed. NULL is ignored. */
+void web_material_free(WebMaterial *material);
 
 /* Follows a session. NULL or an empty text stands for no session. Does nothing if the session is
  * the same as before. */
@@ -43,8 +44,9 @@ void web_material_follow(WebMaterial *material, const char *directory);
 char *web_material_text(const WebMaterial *material, GError **error);
 
 /* Gets the picture of a pair, measured or predicted: height × width texels of 4 bytes, little
- * endian, in the format of partial/shared_exponent.h. back is called once: within this function if
- * the picture is measured, otherwise later from the main loop, if necessary by web_material_free().
+ * endian, in the format of partial/shared_exponent.h. back is called once. It is called within this
+ * function if the picture is measured or if no session is followed. Otherwise it is called later
+ * from the main loop, or by web_material_follow() or web_material_free() when the session is left.
  * picture is NULL if error is set. back owns neither. */
 typedef void (*WebMaterialPicture)(GBytes *picture, const GError *error, gpointer data);
 void web_material_picture(WebMaterial *material, int pair, WebMaterialPicture back, gpointer data);

@@ -323,9 +323,8 @@ static gpointer worker_work(gpointer data) {
             work[job->kind](worker, job);
         else if (!worker->device)
             look_for_it(worker);
-        /* Polls for the loss of control instead of using Aravis's signal "control-lost". The
-         * device must not be freed during the signal, because Aravis's heartbeat thread would then
-         * wait for itself. */
+        /* Polls for the loss of control. The device must not be freed during Aravis's signal
+         * "control-lost", because Aravis's heartbeat thread would then wait for itself. */
         else if (!aravis_device_has_control(worker->device))
             worker_fail(worker, worker->armed,
                         device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,

@@ -4,7 +4,8 @@
  * call that started the request.
  *
  * All functions belong to the main loop's thread. usb_open() and usb_control_sync() wait at most
- * USB_SYNC_MS per request. usb_close() waits at most one second. No other function waits.
+ * USB_SYNC_MS per request. usb_open() may also wait for the lock of the device (LOCK_OWNER in
+ * drivers/lock.h). usb_close() waits at most one second. No other function waits.
  */
 #pragma once
 

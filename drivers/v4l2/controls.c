@@ -19,8 +19,8 @@ static const char coloured[] = "values depend on the light of other colours";
 /* These controls alter frames. They are set in this order, so that controls that enable others come
  * first. effect is NULL for controls that change values from frame to frame. A camera that refuses
  * to switch such a control off cannot be used. V4L2 defines no unit for gamma. A range that begins
- * above 0 and includes 100 is taken as hundredths, the unit of UVC. For contrast and colour, only
- * the default value of the camera is known to be neutral. */
+ * above 0 and includes 100 is taken as hundredths, the unit of UVC. For brightness, contrast,
+ * saturation and hue, the default value of the camera is taken as neutral. */
 static const struct {
     guint32 id;
     enum neutral neutral;

@@ -28,12 +28,13 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
 char *video_controls_lacking(const struct video_controls *controls);
 
 /* Switches off what alters frames: automatic exposure, gain, white balance, focus and so on, gamma,
- * sharpening and effects. Fails if the camera has an automatic control and refuses to switch it
- * off, or if the camera was unplugged. */
+ * sharpening and effects. Fails if the camera refuses to switch off a control that changes values
+ * from frame to frame, or if the camera was unplugged. */
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
-/* Returns one text for each control that still alters frames and is not among settings (such as
- * "gamma=100"), the settings that the rig file asks for. Free it with g_strfreev(). */
+/* Returns one text for each control that still alters frames, or that may alter them because no
+ * value without effect is known. Controls that the rig file sets are left out. settings contains
+ * these settings, such as "gamma=100". Free the result with g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 
 /* Sets a control and reads it back. Fails if the device refuses the value or has changed it. A

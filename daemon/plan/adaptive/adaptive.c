@@ -19,8 +19,8 @@ struct Adaptive {
     struct adaptive_setup setup;
     Readers *readers;
     struct rounds of_sweeps, of_lamps; /* empty if the kind does not come in rounds */
-    Sweeps *sweeps;                    /* NULL if all are taken */
-    Lamps *lamps;                      /* NULL if all are taken */
+    Sweeps *sweeps;                    /* NULL if sweeps do not come in rounds */
+    Lamps *lamps;                      /* NULL if shots of lamps do not come in rounds */
     GThread *thread;                   /* the thread that makes a choice; NULL if there is none */
     struct choice *choice;             /* result of the thread */
     GSource *wake;                     /* ready when the result is there */
@@ -164,8 +164,8 @@ static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choic
            (choice->shots->len > 0 || leave_lamps_out(adaptive, error));
 }
 
-/* Marks a frame that could not be read as damaged in the session. If its checksum is wrong, its
- * shot is taken again when the session is resumed. */
+/* Records a frame with invalid content as damaged in the session. If the checksum of its file is
+ * wrong, its shot is taken again when the session is resumed. */
 static void note_damage(const char *frame, const GError *error, gpointer data) {
     Adaptive *adaptive = data;
     if (g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID))

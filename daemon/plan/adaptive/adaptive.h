@@ -22,7 +22,8 @@
  * notes say why.
  *
  * All functions belong to the main loop's thread. Other threads read files and make choices. The
- * clock is held meanwhile. In lockstep (drivers/clock.h) the main loop waits for each file.
+ * clock is held while a choice is made. In lockstep (drivers/clock.h) the main loop waits for each
+ * file.
  */
 #pragma once
 

@@ -51,12 +51,14 @@ struct lamps_candidates {
 };
 
 /* Lists candidates among the shots that are not done. If there are many shots, only an evenly
- * spread part of them is considered. To be called only by the thread that chooses. */
+ * spread part of them become single candidates and begin chains. To be called only by the thread
+ * that chooses. */
 struct lamps_candidates lamps_list_candidates(Lamps *lamps);
 void lamps_clear_candidates(struct lamps_candidates *candidates);
 
 /* Lists the shots of the chosen candidates, each once, until their number is most, or the
- * expected error is at most enough. ret_errors[i] is the expected error after the candidate of
- * shot i. ret_shots and ret_errors have room for most. Returns the number of shots. */
+ * expected error is at most enough. ret_shots gets indices in setup.shots. ret_errors[i] is the
+ * expected error after the candidate of shot i. Errors are as of prediction_error(), not in
+ * percent. ret_shots and ret_errors have room for most. Returns the number of shots. */
 int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
                       int n_choices, int most, double enough, int *ret_shots, double *ret_errors);
