@@ -145,11 +145,14 @@ gboolean setting_set(Camera *camera, GPContext *context, const char *name, const
         return fail(error,
                     "the camera does not let %s be changed from %s to %s; turn its dial to M", name,
                     is ? is : "an unknown value", value);
-    if (!fill(widget, name, value, error))
-        return (error && *error) || fail(error,
-                                         "libgphoto2 does not accept %s = %s; “gphoto2 "
-                                         "--get-config %s” shows what the setting takes",
-                                         name, value, name);
+    if (!fill(widget, name, value, error)) {
+        if (error && !*error)
+            fail(error,
+                 "libgphoto2 does not accept %s = %s; “gphoto2 --get-config %s” shows what the "
+                 "setting takes",
+                 name, value, name);
+        return FALSE;
+    }
     while ((code = gp_camera_set_single_config(camera, name, widget, context)) ==
                GP_ERROR_CAMERA_BUSY &&
            g_get_monotonic_time() < deadline_us)

@@ -71,7 +71,7 @@ uniform bool curved; // if FALSE, the ray ends where it enters
 const int END_STEPS = 3;
 const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and the v of a ray_end
 
-// The end of a ray. A straight ray that enters the flat sample at `texel`, in the direction
+// The end of a ray. A straight ray that enters the flat sample at texel, in the direction
 // opposite to v, ends at the same point of the sample.
 struct ray_end {
     vec2 texel;

@@ -16,7 +16,7 @@ uniform sampler2DArray
     skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
-// `views` has the indices of the three measured views around v. `lights` has the first columns of
+// views has the indices of the three measured views around v. lights has the first columns of
 // the three measured lights around l. g are the barycentric weights of the views, and h those of
 // the lights.
 ivec3 views, lights;

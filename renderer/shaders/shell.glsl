@@ -18,7 +18,7 @@ float level_of_detail() {
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
-// Returns g at x in the texture and at `depth`, which is a share of the depth of the shell. Mip
+// Returns g at x in the texture and at depth, which is a share of the depth of the shell. Mip
 // levels are coarser only along the texture.
 float shell_value(vec2 x, float depth, float layers, float level) {
     float w = clamp(depth * layers - 0.5, 0.0, layers - 1.0), upper = floor(w);
