@@ -315,8 +315,8 @@ const char *output_file_path(OutputFile *file, GError **error) {
     return file->written;
 }
 
-/* Returns a copy of a PNG with the chunk of the kind after the header. chunk has no checksum
- * yet. */
+/* Returns a copy of a PNG with a chunk inserted after the header. This function appends the
+ * checksum that the chunk lacks. */
 static GByteArray *mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
     GByteArray *ret = g_byte_array_new();
     const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data + 4, chunk->len - 4));

@@ -44,7 +44,8 @@
 /* largest area of a spot, relative to the area of the ball in the picture */
 #define SPOT_SHARE 0.2
 
-/* a spot that other pictures show with this share of its height is not the lamp */
+/* If the other pictures have on average this share of a spot, the spot is not the lamp. The share
+ * is one of square roots of light. */
 #define STAYS 0.5
 
 #define NOWHERE 0 /* label of pixels without a spot */

@@ -195,9 +195,10 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
     return FALSE;
 }
 
-/* Returns the reason why the lamp's highlight is not within the circle. Returns NULL if it is, or
- * if no brighter highlight is found around the ball. energy is the energy of the highlight on the
- * ball, or 0 if none was found there. */
+/* Looks next to the ball for a highlight that is brighter than the one on the ball: the given
+ * circle is then in the wrong place. Returns a text that says so, or NULL if there is no such
+ * highlight, or if it is on another ball. energy is the energy of the highlight on the ball, or 0
+ * if none was found there. */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double max_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};

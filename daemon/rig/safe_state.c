@@ -61,10 +61,10 @@ static gboolean is_axis(const struct job *job) {
     return strcmp(class_of(job), "axis") == 0;
 }
 
-/* Returns whether a section describes a device that has to be made safe. If its driver is known,
- * the driver must be one of lasers, lamps or axes, whatever the class name of the section is. If
- * not, the class name must be laser, lamps, axis or unknown, and the section must not be a further
- * mount position of a laser. */
+/* Returns whether a section describes a device that has to be made safe. If the driver is known, it
+ * decides: it must be a driver of lasers, lamps or axes. If the driver is not known, the class name
+ * decides: it must be laser, lamps or axis, or a name that this program does not know, in a section
+ * with keys. A further mount position of a laser is not a device. */
 static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 

@@ -86,14 +86,18 @@ static int open_picture(const char *path, const char *name, gsize max, gsize *re
                          g_strerror(errno));
         return -1;
     }
-    if (fstat(fd, &about) == 0 && S_ISREG(about.st_mode) && (guint64)about.st_size <= max) {
+    if (fstat(fd, &about) < 0 || !S_ISREG(about.st_mode)) {
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "wrote a picture “%s” that is not a regular file", name);
+    } else if ((guint64)about.st_size > max) {
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "wrote a picture “%s” of %" G_GINT64_FORMAT
+                         " bytes, but a picture of this camera has at most %" G_GSIZE_FORMAT,
+                         name, (gint64)about.st_size, max);
+    } else {
         *ret_size = (gsize)about.st_size;
         return fd;
     }
-    device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                     "wrote a picture “%s” that is not a regular file of at most %" G_GSIZE_FORMAT
-                     " bytes",
-                     name, max);
     close(fd);
     return -1;
 }

@@ -55,11 +55,11 @@ struct Sweep {
     guint16 *opening;
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
-    /* n_records: number of records; room: number of records for which memory is allocated; crowded:
-     * number of records above which the margin grows */
-    gsize n_records, room, crowded;
+    gsize n_records;
+    gsize room;           /* number of records for which memory is allocated */
+    gsize crowded;        /* number of records above which the margin grows */
     const Sweep *shorter; /* the sweep of sweep_set_shorter(); NULL if there is none */
-    float ratio;          /* exposure of this sweep, as a multiple of that of shorter */
+    float ratio;          /* exposure of this sweep, divided by the exposure of `shorter` */
 };
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {

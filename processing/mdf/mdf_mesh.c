@@ -121,8 +121,8 @@ static void add_quad(struct net *net, const int from[3], int axis) {
         cell[(axis + 2) % 3] -= k < 2;
         corner[k] = net->vertex[cell_index(net, cell)] - 1;
     }
-    /* Around +axis, the order is counter-clockwise in the frame (u, v, depth). This frame is
-     * right-handed, because y is −v and z is −depth. */
+    /* corner[0] to corner[3] run counter-clockwise around +axis in the frame (u, v, depth). This
+     * frame is right-handed, because y is −v and z is −depth. */
     const int order[2][6] = {{0, 3, 2, 0, 2, 1}, {0, 1, 2, 0, 2, 3}};
     for (int k = 0; k < 6; k++)
         g_array_append_val(net->indices, corner[order[opaque][k]]);

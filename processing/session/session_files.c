@@ -273,7 +273,7 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
 }
 
 /* Returns the session of a file in products/… or products/btf/…, or NULL if there is none.
- * *ret_relative points to the end of `file` that is its path relative to the session. */
+ * *ret_relative points into `file`, to the place where the path relative to the session begins. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"/products", "/products/btf"};
     g_autofree char *inner = g_path_get_dirname(file);

@@ -1,16 +1,18 @@
 /*
  * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the
  * surface is known ([lasers] stop = covered). Shots of lamps are taken until the remaining
- * pictures can be predicted ([lights] sampling = adaptive). Either or both may be on. Sweeps are
- * chosen from the frames of sweeps, and shots of lamps from the frames of lamps.
+ * pictures can be predicted ([lights] sampling = adaptive). Either or both may be on. The
+ * choice of sweeps depends on the frames of sweeps only, and the choice of shots of lamps on the
+ * frames of lamps only.
  *
  * plan_first_sweeps() and plan_first_lamps() choose the first round from the geometry when the
  * session is planned. Every frame is examined when it is committed (selection/coverage_view.h,
  * lamps.h). At the end of a round:
  *
  * - Sweeps: at each turntable angle, up to two sweeps join the next round. These are the sweeps
- *   that are expected to add most to the knowledge of their cameras, if each adds at least
- *   [lasers] gain_pct. When no sweep adds so much, the remaining sweeps are left out for good.
+ *   in which the cameras are expected to measure most texels that they have not measured yet, if
+ *   each adds at least [lasers] gain_pct. When no sweep adds so much, the remaining sweeps are left
+ *   out for good.
  * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots
  *   that lower the expected error most for their time join the next round. When the error is
  *   expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots

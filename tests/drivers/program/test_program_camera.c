@@ -145,10 +145,10 @@ static const struct fault {
     {"outside", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
     {"elsewhere", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
     {"no-file", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
-    {"pipe", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "that is not a regular file of at most"},
+    {"pipe", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "“2.pgm” that is not a regular file"},
     {"link", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
     {"long", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL,
-     "that is not a regular file of at most 1120 bytes"},
+     "bytes, but a picture of this camera has at most 1120"},
 };
 
 static void run_fault(gconstpointer data) {
