@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-#define TILE         16         /* pixels along a side; smaller pictures have smaller tiles */
+#define TILE         16         /* pixels along a side; fewer if the picture has less than 4 TILE */
 #define SATURATED    0.98       /* share of full scale from which a tile counts as saturated */
 #define TRANSFER_TOP 0.7        /* the slope is fitted up to 70 % of saturation (EMVA 1288 §6.6) */
 #define MIN_RANGE    0.15       /* part of full scale that the brightest tile must reach */

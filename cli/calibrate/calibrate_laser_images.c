@@ -188,14 +188,28 @@ static gboolean choose_laser(struct job *job, GError **error) {
                         calibrate_from, name);
             return FALSE;
         }
-    if (!photographs || rig->n_lasers == RIG_MAX_LASERS) {
+    if (photographs && rig->n_lasers == RIG_MAX_LASERS) {
+        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+                    "%s has %d lasers, which is the maximum: give the name of one of them with "
+                    "--name, or another calibration",
+                    calibrate_from, rig->n_lasers);
+        return FALSE;
+    }
+    if (!photographs && rig->n_lasers == 0) {
+        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+                    "%s: the rig of this file has no laser: give the calibration of a rig with a "
+                    "laser, or of a camera alone",
+                    calibrate_from);
+        return FALSE;
+    }
+    if (!photographs) {
         g_autoptr(GString) known = g_string_new(NULL);
         for (int i = 0; i < rig->n_lasers; i++)
             g_string_append_printf(known, "%s%s", i ? ", " : "", rig->lasers[i].name);
         g_set_error(
             error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-            "%s: there is no laser “%s” in the rig of this file (which has: %s); give --name NAME",
-            calibrate_from, name, known->len ? known->str : "none");
+            "%s: there is no laser “%s” in the rig of this file; give --name with one of: %s",
+            calibrate_from, name, known->str);
         return FALSE;
     }
     rig->lasers[rig->n_lasers++] = (struct rig_laser){.fixed = 1};

@@ -6,8 +6,9 @@
  * chooses exposures; the child is the program mesorig as a client of this daemon. After a fault of
  * a session, the session is marked as stopped, and the next session begins. The queue is paused
  * instead if the rig has a fault, if two sessions in a row have stopped, and after Abort and
- * SafeState. When the queue is empty, lamps and lasers are switched off, and all axes except the
- * sweeps of lasers are parked. Owned by the Bus. All functions belong to the main loop's thread.
+ * SafeState. When the queue is empty, lamps and lasers are switched off, and all axes are
+ * parked, except those that sweep lasers. Owned by the Bus. All functions belong to the main
+ * loop's thread.
  */
 #pragma once
 

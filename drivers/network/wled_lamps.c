@@ -77,7 +77,7 @@ static gboolean send_levels(struct dmx *dmx, int i, GError **error) {
     return why == 0 ||
            device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "cannot send to WLED at %s: %s" ERROR_ADVICE
-                            "check its power, address, and the network of this computer",
+                            "check its power, its address and the network of this computer",
                             dmx->address, g_strerror(why));
 }
 

@@ -157,9 +157,9 @@ static double solve(double a, double b, double area) {
     return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
 }
 
-/* Returns the index of the last of n ascending sums that is below area, at least 0 and at most n −
- * 2. Sum i of a slice is at first + i. If next > 0, it is mixed with the sum at first + next + i,
- * whose weight is part. */
+/* Returns the largest i for which sum i is below area, clamped to 0 … n − 2. The n sums ascend. In
+ * a slice, sum i is the entry first + i. If next > 0, sum i is (1 − part) times this entry plus
+ * part times the entry first + next + i. */
 static gsize find(const float *sums, gsize stride, gsize first, gsize n, gsize next, double part,
                   const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;
