@@ -1,8 +1,8 @@
-/* Numbers at the end of a file in memory, with the least significant byte first. Any thread may
+/* Append a number of 4 bytes to a byte array, with the least significant byte first. Any thread may
  * call the functions. */
 #pragma once
 
 #include <glib.h>
 
 void bytes_put_u32(GByteArray *to, guint32 value);
-void bytes_put_float(GByteArray *to, double value); /* in single precision */
+void bytes_put_float(GByteArray *to, double value); /* as an IEEE 754 single */

@@ -1,7 +1,7 @@
 /*
  * A set of cameras of a rig. Each stop of a camera on the camera arm is a camera of its own
- * (geometry/rig.h). Plain data: {0} is the empty set, and = copies a set. Any thread may call the
- * functions.
+ * (geometry/rig.h). A set is plain data: the initialiser {0} makes an empty set, and an assignment
+ * copies a set. Any thread may call the functions.
  *
  *     struct camera_set shown = camera_set_of(3);
  *     camera_set_add(&shown, 70);
@@ -22,22 +22,25 @@ struct camera_set {
     guint64 words[CAMERA_SET_WORDS];
 };
 
+/* Returns a word in which only the bit of this camera is set. */
 static inline guint64 camera_set_bit(int camera) {
     return (guint64)1 << camera % CAMERA_SET_WORD_BITS;
 }
 
-/* Return whether a camera is in a set, whether a set is empty, and whether two sets are equal. A
- * camera that cannot be in a set (−1, CAMERA_SET_MAX) is in no set. */
+/* Returns whether a camera is in a set. Returns FALSE for a number that no set can contain, such as
+ * −1 or CAMERA_SET_MAX. */
 static inline gboolean camera_set_has(struct camera_set set, int camera) {
     return camera >= 0 && camera < CAMERA_SET_MAX &&
            (set.words[camera / CAMERA_SET_WORD_BITS] & camera_set_bit(camera)) != 0;
 }
+/* Returns whether a set is empty. */
 static inline gboolean camera_set_is_empty(struct camera_set set) {
     guint64 any = 0;
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
         any |= set.words[i];
     return any == 0;
 }
+/* Returns whether two sets contain the same cameras. */
 static inline gboolean camera_set_equal(struct camera_set a, struct camera_set b) {
     guint64 differs = 0;
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
@@ -45,38 +48,42 @@ static inline gboolean camera_set_equal(struct camera_set a, struct camera_set b
     return differs == 0;
 }
 
-/* Add a camera to a set, and remove it. camera must be 0 … CAMERA_SET_MAX − 1. */
+/* Adds a camera to a set. camera must be 0 … CAMERA_SET_MAX − 1. */
 static inline void camera_set_add(struct camera_set *set, int camera) {
     set->words[camera / CAMERA_SET_WORD_BITS] |= camera_set_bit(camera);
 }
+/* Removes a camera from a set. camera must be 0 … CAMERA_SET_MAX − 1. */
 static inline void camera_set_remove(struct camera_set *set, int camera) {
     set->words[camera / CAMERA_SET_WORD_BITS] &= ~camera_set_bit(camera);
 }
 
-/* Returns the set with one camera. */
+/* Returns the set that contains only this camera, 0 … CAMERA_SET_MAX − 1. */
 static inline struct camera_set camera_set_of(int camera) {
     struct camera_set set = {{0}};
     camera_set_add(&set, camera);
     return set;
 }
 
-/* Return the cameras that are in a or in b, in both, and in a but not in b. */
+/* Returns the cameras that are in a, in b, or in both sets. */
 static inline struct camera_set camera_set_union(struct camera_set a, struct camera_set b) {
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
         a.words[i] |= b.words[i];
     return a;
 }
+/* Returns the cameras that are in both sets. */
 static inline struct camera_set camera_set_both(struct camera_set a, struct camera_set b) {
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
         a.words[i] &= b.words[i];
     return a;
 }
+/* Returns the cameras of a that are not in b. */
 static inline struct camera_set camera_set_without(struct camera_set a, struct camera_set b) {
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
         a.words[i] &= ~b.words[i];
     return a;
 }
 
+/* Returns the number of cameras in a set. */
 static inline int camera_set_count(struct camera_set set) {
     int n = 0;
     for (int i = 0; i < CAMERA_SET_WORDS; i++)
@@ -93,8 +100,8 @@ static inline int camera_set_compare(struct camera_set a, struct camera_set b) {
     return 0;
 }
 
-/* Returns the lowest camera of a set above `after`, or −1 if there is none. If after is −1, this is
- * the lowest camera of the set. */
+/* Returns the lowest camera of a set above `after`, or −1 if there is none. If `after` is −1, the
+ * result is the lowest camera of the set. */
 static inline int camera_set_next(struct camera_set set, int after) {
     const int first = after + 1;
     for (int i = first / CAMERA_SET_WORD_BITS; i < CAMERA_SET_WORDS; i++) {
@@ -106,7 +113,8 @@ static inline int camera_set_next(struct camera_set set, int after) {
     return -1;
 }
 
-/* Returns the numbers of the cameras in ascending order, such as "0 3 70"; g_free(). */
+/* Returns the numbers of the cameras in ascending order, such as "0 3 70". Returns "" for the empty
+ * set. Free the result with g_free(). */
 char *camera_set_to_text(struct camera_set set);
 /* Reads the text of camera_set_to_text(). Returns FALSE and does not change ret if the text is not
  * such a text, for instance if a number is out of range, is given twice, or is out of order. */

@@ -43,19 +43,20 @@ struct config_section {
     GHashTable *entries; /* maps a key to its value and line; private to config.c */
 };
 
-/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error lists
- * the wrong lines, at most MISTAKES_SHOWN of them. */
+/* Loads a file of at most 1 MiB. Relative paths in the file are relative to its folder. Returns
+ * NULL with an error on failure. The error lists the wrong lines, at most MISTAKES_SHOWN of them.
+ * Free the result with config_free(). */
 Config *config_load(const char *path, GError **error);
 
-/* The same as config_load() and config_parse(), for a reader that also reports mistakes in the
- * lines that could be parsed. Lines that cannot be parsed are left out, and a mistake is added for
- * each of them. Returns NULL if the file cannot be used at all; mistakes then contains the
- * reason. */
+/* The same as config_load() and config_parse(), for a reader that reports all mistakes of the file
+ * together. A line that cannot be parsed is left out, and a mistake is added for it. The reader
+ * then adds the mistakes that it finds in the other lines. Returns NULL if the file cannot be used
+ * at all; mistakes then contains the reason. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
-/* Returns whether all headings could be parsed. Only then is a section that is not found truly
- * missing. */
+/* Returns whether all headings could be parsed. If it returns FALSE, a section that config_find()
+ * does not find may be in the file under a heading that could not be parsed. */
 gboolean config_has_all_sections(const Config *config);
 
 /* A line that config_load_lenient() could not understand. */
@@ -67,8 +68,9 @@ struct config_problem {
 /* Loads a file that may contain errors, for code that must work in any case (the safe state). A
  * line that cannot be understood is left out and listed in config_problems(). A heading that is
  * broken or repeated begins a new section, whose name contains the number of the line. A second
- * "driver" in a section also begins a new section, whose class is CONFIG_NO_HEADING. Keys above
- * that "driver" stay in the section before. The function fails only if the file cannot be read. */
+ * key "driver" in a section also begins a new section, whose class is CONFIG_NO_HEADING. The keys
+ * above the second "driver" belong to the section that has the first one. The function fails only
+ * if the file cannot be read. */
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
@@ -83,8 +85,10 @@ Config *config_parse(const char *text, const char *path, GError **error);
 void config_free(Config *config); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Config, config_free)
 
+/* Returns the path of the file. The Config owns the string. */
 const char *config_path(const Config *config);
-const char *config_text(const Config *config); /* text of the file as it was read */
+/* Returns the text of the file as it was read. The Config owns the string. */
+const char *config_text(const Config *config);
 
 /* Returns the array of all sections, of which there are *ret_n, in file order. The Config owns
  * it. */

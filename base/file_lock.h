@@ -10,16 +10,18 @@
 
 /* Takes the lock at path without waiting for another holder. Returns a descriptor for
  * file_lock_give(), or −1 with an error, which is G_IO_ERROR_BUSY if another process holds the
- * lock. what names the files that the lock protects, for the message: "products of this
+ * lock. `what` names the files that the lock protects, for the error message: "products of this
  * session". */
 int file_lock_take(const char *path, const char *what, GError **error);
 
 /* Takes the lock for writing the file at path. *ret_lock is always set to PATH.lock; free it with
  * g_free(). Once the lock is held, removes the unfinished files next to path that killed writers
- * have left. Returns as file_lock_take() does. */
+ * have left. Returns a descriptor, or −1 with an error, as file_lock_take() does. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
-void file_lock_give(int lock, const char *path); /* −1 is ignored */
+/* Releases the lock at path and removes its file. lock is the descriptor that was returned for it;
+ * −1 is ignored. */
+void file_lock_give(int lock, const char *path);
 
 /* Returns whether another descriptor holds the lock at path. Does not take the lock, even for a
  * moment. */

@@ -1,8 +1,8 @@
-/* Opens files from outside, which may be anything. A path may name a FIFO, a device or a folder. A
- * file may be far too large, or its header may announce more pixels than fit into memory. The
- * functions never wait for another program, except up to 60 s for one that holds a lease on the
- * file (fcntl(2)), and never map a file into memory. A file that is truncated while it is read
- * gives an error.
+/* Opens files that come from users or from other programs. Such a file may be anything. Its path
+ * may name a FIFO, a device or a folder. The file may be far too large, or its header may announce
+ * more pixels than fit into memory. The functions never wait for another program, except up to 60 s
+ * for one that holds a lease on the file (fcntl(2)), and never map a file into memory. A file that
+ * is truncated while it is read gives an error.
  *
  * Errors name the file and say what is wrong with it. They are G_FILE_ERROR for errors of the
  * system, and INPUT_FILE_ERROR otherwise. Any thread may call these functions. */
@@ -23,9 +23,9 @@ enum input_file_error {
     INPUT_FILE_ERROR_CUT,       /* the file has become shorter while it was read */
 };
 
-/* Propagates an error of this module in another domain, and takes ownership of it. An error of the
- * system gets the code io; if io is −1, it is not changed. A file of the wrong kind or content gets
- * the code unfit. */
+/* Propagates an error of this module in another domain, and takes ownership of it. An
+ * INPUT_FILE_ERROR gets the code `unfit`. An error of the system gets the code `io`; if `io` is −1,
+ * it keeps its own domain and code. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
 /* A picture may have INPUT_FILE_PIXELS pixels, or INPUT_FILE_PIXELS_PER_BYTE pixels for each byte
@@ -57,7 +57,8 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 gboolean input_file_is_utf16(const char *text, gsize length);
 #define INPUT_FILE_UTF16 "it is a text in UTF-16; save it as UTF-8"
 
-/* Reads n bytes from offset on. Fails if fewer than n bytes follow there. */
+/* Reads n bytes of an open file into `to`, from offset on. path is the name of the file in errors.
+ * Fails if the file has fewer than n bytes after offset. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 

@@ -10,12 +10,12 @@
 #include <glib.h>
 
 struct new_file {
-    int folder, fd;      /* of the folder, and of the unfinished file */
-    char *name, *beside; /* name: final name; beside: name of the unfinished file */
+    int folder, fd;      /* descriptors of the folder and of the unfinished file */
+    char *name, *beside; /* the final name, and the name of the unfinished file */
 };
 
-/* Begins a file whose path is relative, below directory. The folders in relative must not be
- * symbolic links; directory may be one. Returns FALSE and sets errno on failure. */
+/* Begins a file. `relative` is its path below directory. The folders in `relative` must exist and
+ * must not be symbolic links; directory may be one. Returns FALSE and sets errno on failure. */
 gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative);
 
 /* Writes n bytes to a descriptor, with as many calls of write() as necessary. Returns FALSE and
@@ -39,6 +39,6 @@ gboolean new_file_commit(struct new_file *file, gboolean sync);
 void new_file_abandon(struct new_file *file);
 
 /* Removes the .part files and folders that killed processes have left in folder, a path below
- * directory ("" for directory itself), for names that begin with prefix. No process may be
- * writing such files. */
+ * directory ("" for directory itself), for names that begin with prefix. Call it only while no
+ * process writes such files. */
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix);

@@ -42,8 +42,8 @@ struct option {
 };
 
 /* Fills target from a section. target must be zeroed. Every key of the section must be in the table
- * or in also. also is a NULL-terminated list of keys that other code reads, or NULL. On failure
- * target contains nothing that needs to be freed. If only the unit suffix of a key is wrong
+ * or in `also`, a NULL-terminated list of keys that other code reads. `also` may be NULL. On
+ * failure target contains nothing that needs to be freed. If only the unit suffix of a key is wrong
  * (settle_s for settle_ms), the error says so. The table ends with an entry whose name is NULL. */
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
@@ -56,8 +56,8 @@ struct option_target {
 
 /* The same as options_parse() for a section whose keys belong to several tables. All mistakes of
  * the section are added to mistakes. A required key is not reported as missing if a misspelt key
- * probably meant it, or if a line of the section could not be parsed. "*" in also allows any other
- * key. Returns TRUE if there are no mistakes and no line was left out. */
+ * probably meant it, or if a line of the section could not be parsed. "*" in `also` allows any
+ * other key. Returns TRUE if there are no mistakes and no line was left out. */
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes);
@@ -74,7 +74,7 @@ const struct option *options_find(const struct option *table, const char *name);
  * with g_free(). */
 char *options_range(const struct option *option);
 
-/* Checks one key of a section: the key must be in the table or in also, and its value must be
+/* Checks one key of a section: the key must be in the table or in `also`, and its value must be
  * valid. */
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error);

@@ -66,7 +66,8 @@ gboolean output_file_put(OutputFile *file, const void *bytes, gsize n, GError **
 /* Returns one line for the user about the file that existed before, without a newline. Returns NULL
  * if there was none. The string belongs to file. */
 const char *output_file_note(const OutputFile *file);
-/* Prints the note to stderr as "PROGRAM: NOTE", for a program that is not a command of mesorig. */
+/* If there is a note, prints it to stderr as "PROGRAM: PATH: NOTE". For programs other than the
+ * commands of mesorig. */
 void output_file_say(const OutputFile *file, const char *program);
 
 gboolean output_file_streams(const OutputFile *file); /* whether the output is a device or pipe */

@@ -27,7 +27,7 @@ static inline double robust_biweight(double residual, double scale) {
     return fabs(x) < 1 ? (1 - x * x) * (1 - x * x) : 0;
 }
 
-/* Returns the posterior mean of a value, seen · known² / (known² + error²). seen is the measured
- * value, and error its standard error. The prior is a normal distribution with the mean 0 and the
- * standard deviation `known`. */
+/* Returns the posterior mean of a value: `seen` · `known`² / (`known`² + `error`²). `seen` is the
+ * measured value, and `error` is its standard error. The prior is a normal distribution with the
+ * mean 0 and the standard deviation `known`. */
 double robust_shrink(double seen, double error, double known);

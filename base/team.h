@@ -14,10 +14,11 @@ struct team {
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
     /* Gathers data in all ranks. Rank i has filled the bytes starts[i] … starts[i + 1] − 1 of the
-     * array all. Afterwards the array is complete in each rank. starts has n_ranks + 1 numbers. */
+     * array `all`. Afterwards the array is complete in each rank. starts has n_ranks + 1
+     * numbers. */
     void (*share)(const struct team *team, void *all, const gsize *starts);
-    /* Scatters data. Only the rank root has the array all. Rank i receives the values starts[i] …
-     * starts[i + 1] − 1 in ret_mine. */
+    /* Scatters data. Only the rank `root` has the array `all`. Rank i receives the values starts[i]
+     * … starts[i + 1] − 1 in ret_mine. */
     void (*deal)(const struct team *team, int root, const float *all, const gsize *starts,
                  float *ret_mine);
 };

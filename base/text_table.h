@@ -28,20 +28,21 @@ int text_table_rows(const TextTable *table);
 int text_table_line(const TextTable *table, int row);
 int text_table_column(const TextTable *table, const char *name); /* −1 if there is no such column */
 
-/* Returns FALSE if a column has a name that is not in known, a list that ends with NULL. The error
- * names the known name that is spelt most like that column, or all known names. */
+/* Returns FALSE with an error if a column has a name that is not in `known`, a list that ends with
+ * NULL. The error says which name in `known` is spelt most like that column, or lists them all. */
 gboolean text_table_check_columns(const TextTable *table, const char *const *known, GError **error);
 
-/* Returns the text of a field, or "" if column is −1. */
+/* Returns the text of a field, or "" if column is −1. The table owns the text. */
 const char *text_table_text(const TextTable *table, int row, int column);
 
-/* Splits a text into lines at LF, CRLF and CR, for lists that are not tables. */
+/* Splits a text into lines at LF, CRLF and CR, for lists that are not tables. Free the result
+ * with g_strfreev(). */
 char **text_table_lines(const char *text);
 /* Reads a number, which nothing may follow, not even a blank. If decimal_comma is TRUE, a number
  * such as “0,25” is also accepted. Returns FALSE if the text is not a finite number. */
 gboolean text_table_parse(const char *text, gboolean decimal_comma, double *ret);
 
-/* Reads a number from a field. *ret is set to otherwise if the field is empty or the column does
- * not exist. Returns FALSE if the field is not a number. */
+/* Reads a number from a field. *ret is set to `otherwise` if the field is empty or column is −1.
+ * Returns FALSE with an error if the field is not a number. */
 gboolean text_table_number(const TextTable *table, int row, int column, double otherwise,
                            double *ret, GError **error);

@@ -28,8 +28,8 @@ struct work {
     GCancellable *cancellable; /* may be NULL */
 };
 
-/* Reports that done of total steps are finished. The remaining time is estimated from the time
- * since begun_us (monotonic). It is −1 until more than a twentieth of the steps is finished.
+/* Reports that `done` of `total` steps are finished. The remaining time is estimated from the time
+ * since begun_us (monotonic). The estimate is −1 until more than a twentieth of the steps is done.
  * Returns FALSE with G_IO_ERROR_CANCELLED, and reports nothing, if the computation was
  * cancelled. */
 gboolean work_tell(const struct work *work, const char *stage, int done, int total, gint64 begun_us,
