@@ -41,7 +41,7 @@ BusRig1 *bus_authority_skeleton(void);
 void bus_authority_attach(BusRig1 *skeleton, struct bus_authority *authority);
 
 /* Ends the calls about which polkit has not answered yet, with BUS_ERROR_CANCELLED and the text
- * why. Returns TRUE if one of them was a Start or Resume. */
+ * `why`. Returns TRUE if one of them was a Start or Resume. */
 gboolean bus_authority_stop(struct bus_authority *authority, const char *why);
 
 /* Returns the user who has called a method on the system bus. The invocation owns the result.

@@ -17,6 +17,7 @@ struct bus_hands {
     struct bus_rig *rig;         /* borrowed; this module sets rig->n_hands */
     const struct bus_jobs *jobs; /* borrowed */
     GPtrArray *list;             /* of struct hand: devices that clients use by hand */
+    /* for each interlock: number of the listener (interlock_listen()) */
     guint interlocks[DEVICES_MAX_INTERLOCKS];
 };
 
@@ -55,7 +56,7 @@ gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpo
  * TRUE after the rig was opened, and with FALSE before the rig is closed. */
 void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
-/* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
+/* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text `why`,
  * commands lights off and stops axes. A light remains in use until it has confirmed that it is off,
  * and an axis until it stands still. The use ends at once for a camera, and for a device that
  * refuses the command. */

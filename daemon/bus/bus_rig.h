@@ -44,10 +44,11 @@ gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error);
 /* Returns an interlock that is open, or NULL. A rig must be open. */
 const Interlock *bus_rig_open_interlock(const struct bus_rig *rig);
 
-/* Sends an event to all clients and the log. An event of level "error" also becomes the fault of
- * the device source. */
+/* Sends an event to all clients and the log. If level is "error", message also becomes the fault of
+ * the device whose name is `source`. */
 void bus_rig_report(struct bus_rig *rig, const char *level, const char *source,
                     const char *message);
+/* Sets the property Devices to the present state of the devices. */
 void bus_rig_show_devices(struct bus_rig *rig);
 
 /* Emits the changed properties. Call it before a method is answered, so that the client never reads

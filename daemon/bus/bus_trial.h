@@ -9,8 +9,8 @@ struct bus_trial;
 
 enum bus_trial_end {
     BUS_TRIAL_DONE,
-    BUS_TRIAL_SESSION, /* any other failure: most often the session would fail, or a file that it
-                          names is wrong */
+    BUS_TRIAL_SESSION, /* a failure other than BUS_TRIAL_RIG: most often the session would fail, or
+                          a file that it names is wrong */
     BUS_TRIAL_RIG,     /* a device has failed */
 };
 
@@ -20,7 +20,7 @@ enum bus_trial_end {
 typedef void (*BusTrialFunc)(const char *chosen, const char *said, enum bus_trial_end end,
                              gpointer data);
 
-/* Starts the child process for the session item. address is the argument of bus_new(). Returns
+/* Starts the child process for the session `item`. address is the argument of bus_new(). Returns
  * NULL with an error if the program mesorig is not found or cannot be started. */
 struct bus_trial *bus_trial_start(const char *address, const struct queue_item *item,
                                   BusTrialFunc func, gpointer data, GError **error);

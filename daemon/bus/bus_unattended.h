@@ -38,18 +38,20 @@ gboolean bus_unattended_resume(struct bus_unattended *at, GError **error);
  * rig is not free. */
 gboolean bus_unattended_answer(struct bus_unattended *at);
 
-/* Return whether this daemon keeps a queue (error BUS_ERROR_FAILED), and whether no session of the
- * queue is about to begin (error BUS_ERROR_BUSY). */
+/* Returns whether this daemon keeps a queue. The error is BUS_ERROR_FAILED. */
 gboolean bus_unattended_need_queue(struct bus_unattended *at, GError **error);
+/* Returns FALSE with BUS_ERROR_BUSY if bus_unattended_is_beginning(), otherwise TRUE. */
 gboolean bus_unattended_need_free(struct bus_unattended *at, GError **error);
+/* Returns whether a session of the queue is about to begin: its test shots are being taken. */
 gboolean bus_unattended_is_beginning(const struct bus_unattended *at);
 
 /* Call it when a device has become free, the rig was opened or the safe state was released. The
  * main loop then begins the next session if that is possible. */
 void bus_unattended_poke(struct bus_unattended *at);
 
-/* Call these when a capture has begun, and when it has changed. */
+/* Call this when a capture has begun. */
 void bus_unattended_begun(struct bus_unattended *at);
+/* Call this when the status of a capture has changed. */
 void bus_unattended_changed(struct bus_unattended *at, const struct capture_status *status);
 
 /* Ends test shots, and puts a session that has not begun back into the queue. Does nothing if there

@@ -77,14 +77,17 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Queue, queue_free)
 /* Returns the sessions in the order of the queue, as struct queue_item. Sessions that have ended
  * come first. The queue owns the array. */
 const GPtrArray *queue_items(const Queue *queue);
+/* Returns the session with this number. Returns NULL with an error if there is none. The queue owns
+ * the session. */
 struct queue_item *queue_find(const Queue *queue, guint id, GError **error);
-/* the first session that has not ended, or NULL */
+/* Returns the first session that has not ended, or NULL. The queue owns the session. */
 struct queue_item *queue_next(const Queue *queue);
 
 /* Returns the reason why no further session begins, or NULL if the queue is not paused. The queue
  * owns the string. */
 const char *queue_paused(const Queue *queue);
-gboolean queue_pause(Queue *queue, const char *why, GError **error); /* why NULL ends the pause */
+/* Pauses the queue for the reason `why`. If `why` is NULL, ends the pause. */
+gboolean queue_pause(Queue *queue, const char *why, GError **error);
 
 /* Adds an item and gives it a number. Takes ownership of the item in any case. Fails if a
  * session that has not ended has the same directory, if too many sessions wait, or if the file

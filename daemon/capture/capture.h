@@ -87,7 +87,8 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error);
 
-/* Starts the session that capture_create() has made. Borrows devices. */
+/* Starts the session that capture_create() has made. Borrows devices. Returns NULL with an error if
+ * the session cannot be opened. Free the result with capture_free(). */
 Capture *capture_begin(struct devices *devices, const char *directory,
                        const struct capture_callbacks *callbacks, GError **error);
 
@@ -99,7 +100,8 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
                          GError **error);
 
 /* Continues a session that capture_examine() has accepted, and takes only the shots that are
- * missing. warning is the one of capture_examine(), or NULL. */
+ * missing. warning is the warning of capture_examine(), or NULL. Otherwise the same as
+ * capture_begin(). */
 Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
                        const struct capture_callbacks *callbacks, GError **error);
 
@@ -107,6 +109,9 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
 void capture_free(Capture *capture);
 
 void capture_pause(Capture *capture); /* pauses after the shot under way */
+/* Continues a paused session. Confirms the mounting that the prompt asks for, if there is one.
+ * Returns FALSE with an error if the session is not paused, if an interlock is open, or if the
+ * mounting cannot be stored. */
 gboolean capture_continue(Capture *capture, GError **error);
 /* Ends the session after the shot under way; a paused session ends immediately. The shots that are
  * not done are left out (SESSION_LEFT_OUT), and the state becomes CAPTURE_DONE. If the daemon is

@@ -6,8 +6,8 @@
 #include "capture_session.h"
 
 struct capture_bytes {
-    /* The stored frames of each kind (enum session_shot_kind) and camera: sum is their size on disk
-     * in bytes, and planned is the size in bytes that the plan expected. */
+    /* The stored frames of each kind (enum session_shot_kind) and camera: `sum` is their size on
+     * disk in bytes, and `planned` is the size in bytes that the plan expected. */
     struct {
         double sum, planned;
     } of[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
@@ -18,7 +18,7 @@ struct capture_bytes {
      * needed. */
     float *planned;
     double stored; /* bytes of the stored frames on disk, including their rows in the database */
-    /* Expected bytes of the whole session. said is the value in the last event. */
+    /* Expected bytes of the whole session. `said` is the value in the last event. */
     double expected, said;
 };
 

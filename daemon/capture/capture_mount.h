@@ -27,14 +27,15 @@ gboolean capture_mount_is_in_place(const struct capture_mounts *mounts,
 guint capture_mount_reach(const struct capture_mounts *mounts, const struct rig_timing *timing,
                           GPtrArray *shots);
 
-/* Chooses the mounting that is needed next: that of a unit whose place is not known or, if all
- * places are known, the one that the first of these shots needs that cannot be taken yet. Returns
- * the prompt for the user (g_free()), and sets *ret_unit to the name of the unit. The rig must be
- * paused with this prompt. */
+/* Chooses the mounting that is needed next. It is the mounting for the first of the n shots whose
+ * unit has no known place. If the places of all units are known, it is the mounting for the first
+ * shot whose unit is at another place. There must be such a shot. Returns the prompt for the user
+ * (g_free()), and sets *ret_unit to the name of the unit. The caller then pauses the session with
+ * this prompt. */
 char *capture_mount_ask(struct capture_mounts *mounts, const struct capture_session *session,
                         const struct session_shot *const *shots, guint n, const char **ret_unit);
 
 /* Call it when the user has confirmed the requested mounting. Stores the mounting in the session
- * and passes it to the driver. Returns TRUE if no mounting was requested. */
+ * and passes it to the driver. Does nothing and returns TRUE if no mounting was requested. */
 gboolean capture_mount_answer(struct capture_mounts *mounts, const struct capture_session *session,
                               GError **error);

@@ -1,8 +1,8 @@
 /* The session that is being captured: the contents of its directory, its clock and its events.
  * Owned by the Capture, from capture_session_open() to capture_session_close(). The parts of a
- * capture borrow it. They may read all members, and write to the session by the functions. Only
- * capture.c and capture_run.c change the state of a shot, n_shots and n_done, and start the clock.
- * Main loop's thread. */
+ * capture borrow it. They may read all members, and write to the session with the functions below.
+ * Only capture.c and capture_run.c change the state of a shot, n_shots and n_done, and start the
+ * clock. Main loop's thread. */
 #pragma once
 
 #include "calibration/calibration.h"
@@ -42,15 +42,17 @@ void capture_session_count(struct capture_session *session);
 gboolean capture_session_is_chosen(const struct capture_session *session,
                                    const struct session_shot *shot);
 
+/* Returns the present value of the session's clock in seconds. */
 double capture_session_now_s(const struct capture_session *session);
 
 /* Adds an event to the session, and passes it to the listener even if it could not be stored. */
 void capture_session_add_event(const struct capture_session *session, const char *level,
                                const char *source, const char *message);
 
-/* Read and write a number among the session's values. A value that is not set is read as 0. Loading
- * fails if the value exists but cannot be read. If it returned 0, this 0 would later be stored
- * instead of the value. Errors of saving are ignored. */
+/* Reads a number among the session's values. Sets *ret to 0 if the value is not set. Returns FALSE
+ * with an error if the value exists but cannot be read, so that the caller does not later store 0
+ * instead of the value. */
 gboolean capture_session_load(const struct capture_session *session, const char *key, double *ret,
                               GError **error);
+/* Writes a number among the session's values. Errors are ignored. */
 void capture_session_save(Session *store, const char *key, double value);

@@ -15,7 +15,8 @@ struct event_limit {
 void event_limit_warn(struct event_limit *limit, const struct capture_session *session,
                       const char *source, const char *message);
 
-/* If warnings were only counted since the last event, adds an event with their number: "3 more
- * frames were ", or "1 more frame was ", followed by what. Resets the limit in any case. */
+/* If warnings were only counted since the last event, adds an event with their number. The text of
+ * the event is "3 more frames were " or "1 more frame was ", followed by the string `what`. Resets
+ * the limit in any case. */
 void event_limit_flush(struct event_limit *limit, const struct capture_session *session,
                        const char *source, const char *what);

@@ -20,6 +20,6 @@ void exposure_advice_save(const struct exposure_retakes *retakes, Session *sessi
 
 /* Returns a sentence that says which exposures to change, or NULL; g_free(). There is advice if
  * saturated pictures were repeated at least half as many times as there are pictures under lamps.
- * There is also advice if lacking is above one half. lacking is the share of values whose longest
- * exposure is saturated; 0 if it is not known. */
+ * There is also advice if `lacking` is above one half. `lacking` is the share of the values of the
+ * BTF whose longest exposure is saturated; it is 0 if the share is not known. */
 char *exposure_advice(Session *session, double lacking);

@@ -28,8 +28,8 @@ struct sequencer_hooks {
      * The rig is safe. */
     void (*finished)(gpointer data);
     /* Called when a fault has stopped everything. The rig is safe, or reason contains
-     * DEVICES_UNSAFE. rig is TRUE if another session would fail as well, and FALSE if a camera that
-     * is present gave no good picture. */
+     * DEVICES_UNSAFE. `rig` is TRUE if another session would fail as well, and FALSE if a camera
+     * that is present gave no good picture. */
     void (*fault)(const char *source, const char *reason, gboolean rig, gpointer data);
     /* Called while no shots are being taken, if a lamp or laser that was commanded off has not
      * confirmed that it is off. */
@@ -42,18 +42,21 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
                          const struct sequencer_hooks *hooks);
 void sequencer_free(Sequencer *sequencer); /* NULL is ignored; the rig is not made safe */
 
-/* sequencer_start() homes the axes, then takes the shots. It must not be called while shots are
- * being taken. Borrows shots, an array of const struct session_shot *, until the hook finished or
- * fault was called or sequencer_stop() has returned. sequencer_pause() takes no further shot after
- * the one under way. sequencer_poke() calls may_trigger() again. */
+/* Homes the axes, then takes the shots. Must not be called while shots are being taken. Borrows
+ * shots, an array of const struct session_shot *, until the hook `finished` or the hook `fault` was
+ * called, or sequencer_stop() has returned. */
 void sequencer_start(Sequencer *sequencer, const GPtrArray *shots);
+/* Takes no further shot after the shot under way, and then calls the hook `finished`. Calls it
+ * immediately if the axes are being homed, or if no camera has been triggered for that shot yet. */
 void sequencer_pause(Sequencer *sequencer);
+/* Makes the sequencer call the hook `may_trigger` again. */
 void sequencer_poke(Sequencer *sequencer);
 
-/* Stops immediately: the rig is made safe, frames under way are dropped, and no hook is called.
- * Returns FALSE with an error if a device is not safe. */
+/* Stops immediately: commands the safe state, drops the frames under way, and calls no hook. Does
+ * not wait for the devices. Returns FALSE with an error if a device could not be commanded. */
 gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
+/* Returns an interlock that is open, or NULL if every interlock is closed. */
 const Interlock *sequencer_open_interlock(const Sequencer *sequencer);
 
 /* Returns the shot under way, or the last shot if none is under way. Returns NULL if no shot was

@@ -45,16 +45,18 @@ gboolean stage_is_homed(const Stage *stage);
 void stage_pursue(Stage *stage, const struct stage_goal *goal);
 
 /* Turns the turntable by an angle at a speed (axis_turn()). The turntable must stand still before.
- * The hook changed is called for each position that the turntable reports and when it has arrived.
- * Afterwards the position of the turntable counts as unknown, so that the next goal moves it. */
+ * The hook `changed` is called for each position that the turntable reports and when it has
+ * arrived. Afterwards the position of the turntable counts as unknown, so that the next goal moves
+ * it. */
 void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 
 /* Returns whether all axes and lights are as the goal says. *ret_at_us is the time on the rig's
  * clock from which the light is stable, or 0 if the goal has no light. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
-/* Brings the rig into the safe state immediately. Returns FALSE with an error if a device is not
- * safe. Until the next stage_home() no hook except unsafe is called. */
+/* Commands the safe state immediately, and does not wait for the devices (devices_make_safe()).
+ * Returns FALSE with an error if a device could not be commanded. Until the next stage_home(), no
+ * hook except `unsafe` is called. */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
 /* Returns a text for the user that says what to do, and ends with "then continue"; g_free(). text

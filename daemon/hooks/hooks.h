@@ -22,8 +22,8 @@ Hooks *hooks_new(const struct hooks_conf *conf);
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* Handles an event. what and details are the arguments of the signal Milestone, or the results of
- * hooks_what_of_event() and hooks_details_of_event(). details is a{sv}; a floating reference is
+/* Handles an event. `what` and `details` are the arguments of the signal Milestone, or the results
+ * of hooks_what_of_event() and hooks_details_of_event(). details is a{sv}; a floating reference is
  * taken. */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 

@@ -40,36 +40,39 @@ struct passes_speed {
 struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
                                  const struct rig_timing *timing, struct camera_set cameras);
 
-/* Sets the pass of each of n shots, taken or not, in their order. The numbers of passes begin after
- * number. Returns the last number used. Without motion = continuous no shot is in a pass. */
+/* Sets the pass of each of n shots, taken or not, in their order. The first pass gets the number
+ * `number` + 1. Returns the number of the last pass, or `number` if there is no pass. Without
+ * motion = continuous no shot is in a pass. */
 int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
                const struct rig *rig, const struct rig_timing *timing, int number);
 
-/* Returns the time in seconds from the end of the exposure of before to the end of the exposure of
- * shot if the table passes both in one pass. Returns G_MAXDOUBLE if the two shots cannot be in one
- * pass. */
+/* Returns the time in seconds from the end of the exposure of the shot `before` to the end of the
+ * exposure of `shot` if the table passes both in one pass. Returns G_MAXDOUBLE if the two shots
+ * cannot be in one pass. */
 double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
                       const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing);
 
-/* Prepares shots for ordering. Shots that differ only in the angle of the turntable must follow
- * each other if at least some of them would be in a pass. passes_take_followers() removes all but
- * the first of such shots from an array of struct session_shot, and returns the removed shots;
- * g_array_unref(). passes_put_back() copies them back after that first shot, in the order in which
- * the table passes them. The strings of the removed shots are not freed with the returned array, so
- * the shots must be put back. */
+/* Prepares an array of struct session_shot for ordering. Shots that differ only in the angle of the
+ * turntable must follow each other if at least some of them would be in a pass. Of each such group,
+ * only the first shot stays in shots. The function returns the other shots; g_array_unref(). The
+ * strings of these shots are not freed with the returned array, so the shots must be put back with
+ * passes_put_back(). */
 GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing);
+/* Copies the shots that passes_take_followers() has returned back into shots, each group behind its
+ * first shot, in the order in which the table passes them. */
 void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig);
 
-/* Returns the angle of a shot plus a multiple of 360°, so that it is between from_deg and from_deg
- * + by_deg of the pass. Returns the angle itself if pass->number is 0. */
+/* Returns turntable_deg, the angle of a shot, plus the multiple of 360° that puts the sum between
+ * pass->from_deg and pass->from_deg + pass->by_deg. Returns turntable_deg itself if pass->number is
+ * 0. */
 double passes_at_deg(const struct session_pass *pass, double turntable_deg);
 
-/* Returns the time in seconds until the trigger of a shot in a pass. It is counted from the
- * beginning of the pass or, if before is in the same pass, from the end of before's exposure.
- * before may be NULL. frame_s is the time from a trigger to the end of its exposure, which takes
- * exposure_s. */
+/* Returns the time in seconds until the trigger of a shot in a pass. The time is counted from the
+ * end of the exposure of the shot `before` if that shot is in the same pass, otherwise from the
+ * beginning of the pass. `before` may be NULL. frame_s is the time from a trigger to the end of the
+ * exposure, and exposure_s is the exposure time. */
 double passes_lead_s(const struct session_shot *before, const struct session_shot *shot,
                      double frame_s, double exposure_s, const struct axis_motion *table);
 

@@ -49,8 +49,8 @@
 #define PLAN_MAX_SHOTS      100000
 #define PLAN_MAX_ARC_ANGLES 8192
 
-/* Checks the order of two arguments: a command takes the rig file first. Returns FALSE with an
- * error if one path is a file of the other kind. */
+/* Checks that a user has not given the rig file and the session file in the wrong order. Returns
+ * FALSE with an error if rig_path is a session file, or if session_path is a rig file. */
 gboolean plan_check_order(const char *rig_path, const char *session_path, GError **error);
 
 struct plan {
@@ -144,19 +144,20 @@ guint64 plan_database_bytes(int n_shots);
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
 /* Sets ret_first[i] to whether shot i of n belongs to the first round of [lasers] stop = covered.
- * These are all shots except the sweeps that may add little according to the rig's geometry. The
- * sweeps of each turntable angle are chosen one after the other, up to [lasers] first. The next one
- * is always the sweep with the largest sum of coverage_model_adds() over its cameras. The order of
- * the shots does not matter. Without STOP_COVERED, all shots belong to the first round. */
+ * The first round has all shots that are not sweeps, and the sweeps that may add much according to
+ * the rig's geometry. The sweeps of each turntable angle are chosen one after the other, and at
+ * most as many as the key `first` of [lasers] says. The next sweep is always the one with the
+ * largest sum of coverage_model_adds() over its cameras. The order of the shots does not matter.
+ * Without STOP_COVERED, all shots belong to the first round. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 
-/* Sets ret_first[i] for those of n shots that are of lamps: whether the shot belongs to the
- * first round of [lights] sampling = adaptive. The elements of other shots do not change. The
- * first round has, on average, [lights] first shots for each turntable angle. They are spread over
- * all pairs of a view and a light of this rig, and shots that take less time are preferred. The
- * first round is the same for all materials, and a larger first contains the shots of a smaller
- * one. Without SAMPLING_ADAPTIVE nothing is set. */
+/* Sets ret_first[i] for those of n shots that are of lamps: whether the shot belongs to the first
+ * round of [lights] sampling = adaptive. The elements of other shots do not change. For each
+ * turntable angle, the first round has on average as many shots as the key `first` of [lights]
+ * says. The shots are spread over all pairs of a view and a light of this rig. Shots that take less
+ * time are preferred. The first round is the same for all materials. A larger value of `first` adds
+ * shots to those of a smaller value. Without SAMPLING_ADAPTIVE nothing is set. */
 void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing, const struct session_shot *const *shots,
                       int n, gboolean *ret_first);
@@ -168,10 +169,11 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, const struct session_shot *const *shots,
                         int n, double *ret_s);
 
-/* Makes a chain of lamp shots that follow each other quickly. It begins with chain[0] and always
- * continues with the one of the n shots that takes the least time after the last. The chain ends
- * when its length is most, or when no shot is left. chain has indices of shots. Returns the
- * length of the chain. *ret_s is the time of all its shots except the first. */
+/* Makes a chain of lamp shots that follow each other quickly. The caller sets chain[0], the index
+ * of the first shot. Each next shot is the one of the n shots that takes the least time after the
+ * shot before it. The chain ends when it has `most` shots, or when no shot is left. chain receives
+ * the indices of the shots, and has room for `most`. Returns the number of shots in the chain.
+ * *ret_s is the time of all its shots except the first. */
 int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, const struct session_shot *const *shots, int n,
                     int most, int *chain, double *ret_s);
@@ -193,8 +195,8 @@ GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n);
 
 /* Returns the coverage model of a camera and the sweeps of a group. w is the depth resolution of a
  * sweep (mdf_weight()). The variance of a distance is proportional to 1/w², but the MDF weighs
- * sweeps by w. A sweep with a small w therefore adds noise to every texel that it lights. Its
- * quality in the model is for this reason only (w / max w)⁴. max w is the largest w of the
+ * sweeps by w. A sweep with a small w therefore adds noise to every texel that it lights. For this
+ * reason, the model gives each sweep the quality (w / max w)⁴, where max w is the largest w of the
  * group. */
 CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
                                 const struct session_shot *const *shots, const GArray *group);
@@ -204,11 +206,11 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
 void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 
-/* Predict the time left for those of the shots that are still planned, in this order. The moves
- * begin at the pose of the shot from. If from is NULL, they begin at 0, where homing leaves every
- * axis with home_deg 0; other values of home_deg are ignored. ret_left_s (n + 1) is the time left
- * before each shot, counted from the end of the last exposure of the previous one, and the time
- * left after the last shot. plan_remaining_s() returns the first of these. */
+/* Predict the time in seconds for those of the n shots that are still planned, in this order. The
+ * moves begin at the pose of the shot `from`. If `from` is NULL, they begin at 0, where homing
+ * leaves every axis with home_deg 0; other values of home_deg are ignored. ret_left_s has n + 1
+ * values. Value i is the time from the end of the last exposure before shot i until all shots are
+ * taken. Value n is the time left after the last shot. plan_remaining_s() returns value 0. */
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
                  const struct rig *rig, const struct rig_timing *timing,
                  const struct session_shot *from, double *ret_left_s);

@@ -18,10 +18,10 @@ struct plan_pose {
 
 /* An angle that some view or light needs. If cameras is not empty, udeg is an angle of the
  * turntable at which these cameras show a view. Otherwise the entry is for lights, and udeg is the
- * angle of the arc minus the angle of the turntable. fixed is TRUE in the one entry that all fixed
- * lamps and lasers share (those that are not on the arc); the arc stands at 0 for this entry.
- * on_arm is TRUE if one of the cameras is on the arm. All cameras of the entry that are on the arm
- * then have the same stop, arm_udeg. */
+ * angle of the arc minus the angle of the turntable. `fixed` is TRUE in the one entry that all
+ * fixed lamps and lasers share (those that are not on the arc); the arc stands at 0 for this entry.
+ * `on_arm` is TRUE if one of the cameras is on the arm. All cameras of the entry that are on the
+ * arm then have the same stop, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
     struct camera_set cameras;
@@ -121,7 +121,7 @@ int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *la
  * orders can be compared quickly. */
 struct plan_axis_moves {
     gboolean wraps;
-    int *at;   /* for each pose: index of its position of the axis, a row and a column of s */
+    int *at;   /* for each pose: index of the axis's position at this pose */
     int n;     /* number of different positions of the axis */
     double *s; /* n × n: s[i · n + j] is the time of the move from position i to position j */
 };
@@ -184,18 +184,19 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct session_conf *conf, const struct rig *rig,
                const struct rig_timing *timing);
-/* The same as plan_order() with the order wanted and with the turntable standing still for all
- * shots. */
+/* The same as plan_order(), but with the order `wanted` instead of [capture] order, and with the
+ * turntable standing still for all shots. */
 int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
                         const struct rig *rig, const struct rig_timing *timing,
                         enum session_order wanted);
 
-/* Calls passes_set() for an array of shots. The numbers of the passes begin after number. Returns
- * the last number used. */
+/* Calls passes_set() for an array of shots. The first pass gets the number `number` + 1. Returns
+ * the number of the last pass, or `number` if there is no pass. */
 int plan_set_passes(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, int number);
 
-/* Returns the time from the start of the first exposure of a shot to the end of its last. */
+/* Returns the time in seconds from the start of the first exposure of a shot to the end of its last
+ * exposure. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing);
 

@@ -31,6 +31,8 @@ extern const char *const auto_key_names[AUTO_KEYS]; /* "exposures_us", … */
 #define AUTO_FACTOR     4
 #define AUTO_MAX_FACTOR 8
 
+/* What the plan does with a pose at which the light arc stands in a camera's picture: turn the arc
+ * a little, skip the shots of the pose, or fail. */
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 
 /* ORDER_VIEWS takes one turntable angle after the other, so that the first views are complete long
@@ -98,10 +100,13 @@ struct session_conf {
     char *path; /* path of the file, for messages */
 };
 
+/* Reads a session file, or a text of this form. path names the text in errors. On failure, *conf
+ * contains nothing that needs to be freed. On success, free its members with session_conf_clear().
+ */
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
-/* Replaces "auto" by values in conf and in its text. chosen has lines "KEY = VALUE". Lines of
+/* Replaces "auto" by values in conf and in its text. `chosen` has lines "KEY = VALUE". Lines of
  * keys that are not auto are ignored. Returns FALSE with an error if a value is wrong (conf is
  * then unchanged) or if a key is still auto afterwards. */
 gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error);

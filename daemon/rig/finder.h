@@ -21,13 +21,15 @@ struct finder_modbus {
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);
 
 /* Asks the G-code board at a serial port which language it speaks (serial/detect.h). *ret_dialect
- * and *ret_baud are values of the keys dialect and baud; *ret_dialect is not freed. The caller
- * frees *ret_firmware. Opening the port resets most boards. Blocks for at most 7 s. */
+ * and *ret_baud are the values for the keys `dialect` and `baud` of the board's section.
+ * *ret_dialect is a static string. *ret_firmware is freed with g_free(). Opening the port resets
+ * most boards. Blocks for at most 7 s. */
 gboolean finder_gcode(const char *port, const char **ret_dialect, int *ret_baud,
                       char **ret_firmware, GError **error);
 
-/* Opens the camera that a section describes, such as the section of a struct found. Returns the
- * size of its pictures in pixels and the number of their bits. A still camera takes a picture.
- * Blocks until the camera is open. Returns FALSE with an error if the camera cannot be opened. */
+/* Opens the camera that a section of a rig file describes. `section` is the text of the section, as
+ * in struct found. Gives the size of the camera's pictures in pixels and their bits per pixel. A
+ * still camera takes a picture. Blocks until the camera is open. Returns FALSE with an error if the
+ * camera cannot be opened. */
 gboolean finder_picture_size(const char *section, int *ret_width, int *ret_height, int *ret_bits,
                              GError **error);

@@ -39,13 +39,14 @@ const char *lamp_places_key(const struct config_section *section);
 GArray *lamp_places_new(const struct bank_fields *fields, const struct config_section *section,
                         Mistakes *mistakes);
 
-/* Reads a file of positions. A file whose name ends with ".lp" is a list: first the number of
- * lights, then for each light the name of a picture, which is ignored, and x y z. Any other file is
- * a table (base/text_table.h) with the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and
+/* Reads a file of positions of lamps. A file whose name ends with ".lp" is a list: first the number
+ * of lights, then for each light the name of a picture, which is ignored, and x y z. Any other file
+ * is a table (base/text_table.h) with the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and
  * distance_mm. The columns name, bank, index, exponent and intensity are optional.
  *
- * otherwise has the values that the file does not give. If its distance_mm is 0, x y z in a list
- * are millimetres. If it is above 0, x y z is only a direction, and a table need not have
- * distance_mm. A name that the file does not give is empty, and such an index is −1. Returns an
- * array of 1 to RIG_MAX_LAMPS struct lamp_place, or NULL with DATA_ERROR_INVALID, file and line. */
+ * `otherwise` has the values for all that the file does not give. If otherwise->distance_mm is 0, x
+ * y z in a list are a position in millimetres. If it is above 0, x y z is only a direction, and a
+ * table need not have the column distance_mm. If the file gives no name, the name of the lamp is
+ * empty; if it gives no index, the index is −1. Returns an array of 1 to RIG_MAX_LAMPS struct
+ * lamp_place, or NULL with DATA_ERROR_INVALID, file and line. */
 GArray *lamp_places_read(const char *path, const struct lamp_place *otherwise, GError **error);

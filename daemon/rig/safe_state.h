@@ -1,7 +1,7 @@
 /*
  * The lasers, lamps and axes of a rig file. Each can be made safe independently of the others:
- * lasers and lamps off, axes at a stop. The rig file need not be valid. Only the sections of these
- * devices are used, and only the keys that identify a device and switch it.
+ * lasers and lamps are switched off, and axes are stopped. The rig file need not be valid. Only the
+ * sections of these devices are used, and only the keys that identify a device and switch it.
  *
  * safe_work.h makes the whole rig safe. All functions belong to one thread.
  */
@@ -29,15 +29,15 @@ const Config *safe_state_config(const SafeState *state);
 gboolean safe_state_is_simulated(const SafeState *state);
 
 enum safe_try {
-    /* The device has confirmed the safe state: off, or at a stop. The state was read back, unless
-     * the driver's driver_info.confirmed says something else. */
+    /* The device has confirmed the safe state: it is off, or it stands still. The state was read
+     * back, unless the driver's driver_info.confirmed says something else. */
     SAFE_TRY_SAFE,
     SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
     /* No attempt can succeed, because the section of the device is wrong, or may name another
-     * device. This is also the result if an attempt of a guardian fails for another reason than the
-     * lock while a mesorigd has the device open: the device is left to that mesorigd. */
+     * device. Also the result in a guardian if the attempt fails while a mesorigd has the device
+     * open, and the cause is not that the device is busy. The device is left to that mesorigd. */
     SAFE_TRY_NEVER,
 };
 

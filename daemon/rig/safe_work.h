@@ -7,8 +7,8 @@
  * after 5 s, in this process and in its children, because the reader of a pipe may wait until all
  * writers have closed it.
  *
- * A SafeWork belongs to one thread, and the process must have no other threads. While the
- * SafeWork exists, it waits only for its own children. */
+ * A SafeWork belongs to one thread, and the process must have no other threads. The process may
+ * have other children: a SafeWork calls waitpid(2) only for those that it started. */
 #pragma once
 
 #include "safe_state.h"

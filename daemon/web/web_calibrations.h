@@ -3,10 +3,12 @@
  * folder. The results of the steps of the calibration "rig" are in the directory
  * FOLDER/rig.calibrating, its draft:
  *
- *   STEP.calibration, STEP.html, STEP.txt   the calibration after a step; its pictures with what
- *                                           was found; what mesorig has printed
- *   failed.html                             the pictures of the last step, if it has failed
- *   board.pdf, report.html                  a board to print; the report of the calibration
+ *   STEP.calibration   the calibration after a step
+ *   STEP.html          a page with the pictures of the step and what was found in them
+ *   STEP.txt           what mesorig has printed in the step
+ *   failed.html        the page of the last step, if it has failed
+ *   board.pdf          a board to print
+ *   report.html        the report of the calibration
  *
  * Each step starts from the result of the step before it. A step that is repeated replaces its
  * result only when it has succeeded, and then removes the results of later steps, which were based
@@ -29,8 +31,9 @@ void web_calibrations_free(WebCalibrations *calibrations);
 void web_calibrations_list(const struct web_task *task);
 
 /* Begins a step, and answers {}. The query names the step: step=board, cameras, lights, laser,
- * radiometry or report. sessions=A/B are the names of the sessions of a target. board, target and
- * reflectance are the options of `mesorig calibrate`. */
+ * radiometry or report. sessions=A/B gives the names of the sessions that show the target. The keys
+ * board, target and reflectance of the query have the same values as the options of `mesorig
+ * calibrate` with these names. */
 void web_calibrations_find(const struct web_task *task);
 
 /* Makes FOLDER/NAME.calibration from the result of the last step. Refuses if this file exists. */

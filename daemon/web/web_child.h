@@ -11,16 +11,17 @@
 
 typedef struct WebChild WebChild;
 
-/* Receives the end of a process. If ok, text is what mesorig printed to standard output, at most
- * 64 KiB. Otherwise text is its error message. The callee does not own text. */
+/* Called when a process has ended. If `ok` is TRUE, text is what mesorig printed to standard
+ * output, at most 64 KiB. If `ok` is FALSE, text is the error message. The callee does not own
+ * text. */
 typedef void (*WebChildDone)(gboolean ok, const char *text, gpointer data);
 
 WebChild *web_child_new(void);
-/* Ends the process and calls its function with ok FALSE. NULL is ignored. */
+/* Ends the process if one runs, and calls its WebChildDone with `ok` FALSE. NULL is ignored. */
 void web_child_free(WebChild *child);
 
-/* Starts mesorig with these arguments, which end with NULL. done is called once, never within this
- * function. Returns FALSE with an error if another process runs, or if mesorig is not found or
+/* Starts mesorig with these arguments, which end with NULL. `done` is called once, never within
+ * this function. Returns FALSE with an error if another process runs, or if mesorig is not found or
  * cannot be started. */
 gboolean web_child_start(WebChild *child, const char *const *arguments, WebChildDone done,
                          gpointer data, GError **error);

@@ -59,9 +59,9 @@ void web_visitor_begin(WebVisitor *visitor, SoupServerMessage *message);
 
 void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
 
-/* Sets the phase to WEB_STREAMS. If too many streams are open, closes a stream of a peer that has
- * more streams than this one. Returns FALSE and changes nothing if there is no such peer, or if
- * this peer has too many streams. */
+/* Sets the phase to WEB_STREAMS. If WEB_DOOR_STREAMS streams are already open, closes a stream of a
+ * peer that has more streams than the peer of this connection. Returns FALSE and changes nothing if
+ * no peer has more streams, or if the peer of this connection already has WEB_DOOR_PEER_STREAMS. */
 gboolean web_visitor_stream(WebVisitor *visitor);
 
 /* Closes the connection. status is an HTTP status such as "408 Request Timeout", which is sent
@@ -69,8 +69,9 @@ gboolean web_visitor_stream(WebVisitor *visitor);
  * sent. */
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
-/* Returns the number of seconds until the peer may send a token again, or 0 if it may do so now.
- * After n wrong tokens in a row a peer waits 2^n / 8 s, and at most WEB_DOOR_MAX_PENALTY_S. */
+/* Returns the number of seconds until the peer of this connection may send a token again, or 0 if
+ * it may send one now. After n wrong tokens in a row a peer waits 2^n / 8 s, and at most
+ * WEB_DOOR_MAX_PENALTY_S. */
 double web_visitor_penalty_s(const WebVisitor *visitor);
 /* Records that the peer has sent a token, and whether the token was right. */
 void web_visitor_token(WebVisitor *visitor, gboolean right);

@@ -26,8 +26,9 @@ gboolean web_files_check(const struct web_task *task, const char *name);
 /* Returns the path of a file in the folder: FOLDER/NAME and the ending; g_free(). */
 char *web_files_path(const struct web_task *task, const char *name, const char *ending);
 
-/* Returns the names in the folder that have this ending, without it, sorted. The list is empty
- * without a folder. g_ptr_array_unref() */
+/* Returns the sorted names of the files and directories in the folder that have this ending. The
+ * names do not include the ending. The list is empty if the server has no folder. Free it with
+ * g_ptr_array_unref(). */
 GPtrArray *web_files_names(const struct web_task *task, const char *ending);
 
 /* Returns the text of a file of at most `most` bytes; g_free(). *ret_info is the status of the
@@ -40,8 +41,9 @@ char *web_files_read(const char *path, gsize most, struct stat *ret_info);
 void web_files_add_section(const struct web_task *task, const char *section,
                            GVariantBuilder *entries);
 
-/* Adds an entry {"name", "changed"}, for a file also "bytes", for each of these names with this
- * ending that has this type, S_IFREG or S_IFDIR. */
+/* Adds an entry to a list for each of the first WEB_FILES_MAX names. If type is S_IFREG, the entry
+ * is {"name", "bytes", "changed"}; if it is S_IFDIR, the entry is {"name", "changed"}. A name is
+ * left out if FOLDER/NAME and the ending is not of this type. */
 void web_files_add(const struct web_task *task, const GPtrArray *names, const char *ending,
                    mode_t type, GVariantBuilder *entries);
 

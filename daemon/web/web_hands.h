@@ -10,9 +10,12 @@
 
 #define WEB_HANDS_MAX_LEASE_S 15
 
-/* The query has the lease in seconds, from 0.1 to WEB_HANDS_MAX_LEASE_S: for_s=5. The same request
- * begins the lease again. The answer is {} when the light is stable. */
+/* Switch a lamp or laser on. The query has the lease in seconds, from 0.1 to WEB_HANDS_MAX_LEASE_S:
+ * for_s=5. The same request begins the lease again. The task is answered with {} when the light is
+ * stable. */
 void web_hands_lamp_on(const struct web_task *task);
 void web_hands_laser_on(const struct web_task *task);
+/* Switch a lamp or laser off. The task is answered with {} when the light has confirmed that it is
+ * off. */
 void web_hands_lamp_off(const struct web_task *task);
 void web_hands_laser_off(const struct web_task *task);

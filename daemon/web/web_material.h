@@ -11,10 +11,10 @@
 
 typedef struct WebMaterial WebMaterial;
 
-/* Called with the data of a server-sent event "material", which is one line of JSON: session,
- * measured (number of measured pictures), new (pairs that were measured since the last event),
- * expected_error, expected_error_range and later (as in web_material_text()), and forecast, a
- * number that changes with each prediction. */
+/* Called with the data of a server-sent event "material", which is one line of JSON. Its members
+ * are "session", "measured" (number of measured pictures), "new" (pairs that were measured since
+ * the last event), "forecast" (a number that changes with each prediction), and "expected_error",
+ * "expected_error_range" and "later", as in web_material_text(). */
 typedef void (*WebMaterialNews)(const char *json, gpointer data);
 WebMaterial *web_material_new(WebMaterialNews news, gpointer data);
 /* Waits for the threads of the session that is followed. NULL is ignored. */

@@ -25,17 +25,16 @@ void web_rig_free(WebRig *rig); /* NULL is ignored */
 typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
 void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 
-/* The next three functions return a text in JSON. Free it with g_free(). */
-
-/* Returns the state as an object. If no daemon answers, its "state" is "away" and its "reason" says
- * why. */
+/* Returns the state as a JSON object; g_free(). If no daemon answers, the member "state" is "away",
+ * and the member "reason" says why. */
 char *web_rig_state(const WebRig *rig);
-/* Returns the directory of the session that the daemon has, or NULL. Valid until control returns to
- * the main loop. */
+/* Returns the directory of the session that the daemon captures or has captured last. Returns NULL
+ * or "" if there is none, or if no daemon answers. Valid until control returns to the main loop. */
 const char *web_rig_session(const WebRig *rig);
-/* Returns the last WEB_RIG_EVENTS events as an array. */
+/* Returns the last WEB_RIG_EVENTS events as a JSON array; g_free(). */
 char *web_rig_events(const WebRig *rig);
-/* Returns samples of the number of shots done over time: {"elapsed_s": […], "shots": […]}. */
+/* Returns samples of the number of shots done over time, in JSON: {"elapsed_s": […], "shots": […]}.
+ * Free the text with g_free(). */
 char *web_rig_progress(const WebRig *rig);
 
 #define WEB_RIG_EVENTS 200
@@ -46,12 +45,13 @@ char *web_rig_progress(const WebRig *rig);
  * owns neither. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
-/* The same for a method with arguments. parameters is a tuple and may be floating. */
+/* The same as web_rig_call() for a method with arguments. parameters is a tuple and may be
+ * floating. */
 void web_rig_call_with(WebRig *rig, const char *method, GVariant *parameters, WebRigDone back,
                        gpointer data);
 
-/* The same for a method that also sends files. The files belong to the list; files is NULL if error
- * is set. */
+/* The same as web_rig_call_with() for a method that also returns files. The list `files` owns the
+ * file descriptors. `files` is NULL if error is set. */
 typedef void (*WebRigFiles)(GVariant *answer, GUnixFDList *files, const GError *error,
                             gpointer data);
 void web_rig_call_files(WebRig *rig, const char *method, GVariant *parameters, WebRigFiles back,

@@ -14,8 +14,9 @@
 WebSnaps *web_snaps_new(void);
 void web_snaps_unref(WebSnaps *snaps);
 
-/* Takes a picture. The query has the exposure: exposure_us=10000. The answer has the values of
- * picture_values.h as numbers of the sensor (openapi.json: Snap). */
+/* Takes a picture. The query has the exposure: exposure_us=10000. If another picture is being
+ * taken, answers the task with the status 409. The answer has the values of picture_values.h as
+ * numbers of the sensor (openapi.json: Snap). */
 void web_snaps_take(const struct web_task *task);
 
 /* Answers with the last picture as PNG, if it is of this camera: 8 bits, sRGB, the 99th percentile

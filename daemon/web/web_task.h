@@ -26,13 +26,15 @@ struct web_task {
     WebSnaps *snaps;    /* the last picture on request */
     const char *name;   /* the part of the path that the client chooses; "" if there is none */
     GHashTable *query;  /* char * → char *; NULL if the request has no query */
-    WebTaskAnswer back; /* called once, within that call or later */
+    WebTaskAnswer back; /* called once, within the call or later */
     gpointer data;
 };
 
-/* Answers a task with a text in JSON, with bytes, or with {"error": why}. */
+/* Answers a task with a text in JSON. */
 void web_task_answer(const struct web_task *task, guint status, const char *json);
+/* Answers a task with bytes of this content type. The status is 200. */
 void web_task_bytes(const struct web_task *task, const char *type, GBytes *bytes);
+/* Answers a task with {"error": why}. */
 void web_task_refuse(const struct web_task *task, guint status, const char *why);
 
 /* Calls a method of the daemon. The answer of the task is {} or, if to_json is not NULL, the text
@@ -43,10 +45,10 @@ void web_task_call(const struct web_task *task, const char *method, GVariant *pa
 
 /* Returns the value of a key of the query, or NULL. */
 const char *web_task_value(const struct web_task *task, const char *key);
-/* Reads a key of the query that is 0 or 1, by default 0. Otherwise answers the task with 400 and
- * returns FALSE. */
+/* Reads a key of the query whose value is 0 or 1. A missing key means 0. For any other value,
+ * answers the task with the status 400 and returns FALSE. */
 gboolean web_task_flag(const struct web_task *task, const char *key, gboolean *ret);
-/* Reads a number of the query. If it is missing or out of range, answers the task with 400 and
- * returns FALSE. */
+/* Reads a key of the query whose value is a number from min to max. If the number is missing or out
+ * of range, answers the task with the status 400 and returns FALSE. */
 gboolean web_task_number(const struct web_task *task, const char *key, double min, double max,
                          double *ret);

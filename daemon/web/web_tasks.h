@@ -9,8 +9,8 @@
 #include "web_task.h"
 
 struct web_task_path {
-    /* The path is before, the name, and after. If after is NULL, the path is before, without a
-     * name. */
+    /* The path is the text `before`, then the name of the task, then the text `after`. If `after`
+     * is NULL, the path is only `before`, and there is no name. */
     const char *before, *after;
     gboolean acts; /* TRUE: needs POST and the token; FALSE: GET without a token */
     void (*run)(const struct web_task *task);

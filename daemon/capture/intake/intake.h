@@ -90,8 +90,8 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
 void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 
-/* Takes the next frame of a camera, in order of sub. row.captured_s must be set. The intake takes a
- * reference of the frame. */
+/* Takes the next frame of a camera, in order of sub. taken->row.captured_s must be set. The intake
+ * takes a reference of the frame. */
 void intake_take(Intake *intake, const struct taken_frame *taken);
 
 /* Returns whether too many frames wait for the workers. No camera may then be triggered until the

@@ -1,6 +1,6 @@
 /* A frame on its way from the camera into the session. The sequencer fills the struct when it
- * accepts the frame. The capture sets the time in row, the intake adds the file, and the session
- * stores row. The struct is passed by value. Whoever keeps it takes a reference of the frame. */
+ * accepts the frame. The capture sets the time in the member `row`, the intake adds the file, and
+ * the session stores `row`. Whoever keeps a copy of the struct takes a reference of the frame. */
 #pragma once
 
 #include "drivers/frame.h"

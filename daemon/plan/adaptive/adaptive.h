@@ -92,7 +92,7 @@ gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot 
 int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot);
 int adaptive_rounds(const Adaptive *adaptive);
 
-/* To be called when a shot was committed. */
+/* To be called when a shot was committed. frames has the n frames that the shot has stored. */
 void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
                    const struct session_frame *frames, int n);
 

@@ -5,11 +5,10 @@
  *
  * Some hundred texels of each committed frame, the probes, are rectified and converted to
  * reflectances as in the BTF. The predictor uses these values. Shots are chosen one after the
- * other, each time the shot that lowers the expected error most for its price
- * (plan_lamp_prices_s()). The round is complete when
- * the error is expected to be below [lights] error_pct, when [lights] budget_min is used up, or
- * when it has as many shots as all earlier rounds together. All functions but lamps_choose()
- * belong to the main loop's thread.
+ * other. The next one is always the shot that lowers the expected error most for its price
+ * (plan_lamp_prices_s()). The round is complete when the error is expected to be below [lights]
+ * error_pct, when [lights] budget_min is used up, or when the round has as many shots as all
+ * earlier rounds together. All functions but lamps_choose() belong to the main loop's thread.
  */
 #pragma once
 

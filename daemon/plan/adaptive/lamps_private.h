@@ -56,9 +56,9 @@ struct lamps_candidates {
 struct lamps_candidates lamps_list_candidates(Lamps *lamps);
 void lamps_clear_candidates(struct lamps_candidates *candidates);
 
-/* Lists the shots of the chosen candidates, each once, until their number is most, or the
- * expected error is at most enough. ret_shots gets indices in setup.shots. ret_errors[i] is the
+/* Lists the shots of the chosen candidates, each once, until there are `most` of them, or the
+ * expected error is at most `enough`. ret_shots gets indices in setup.shots. ret_errors[i] is the
  * expected error after the candidate of shot i. Errors are as of prediction_error(), not in
- * percent. ret_shots and ret_errors have room for most. Returns the number of shots. */
+ * percent. ret_shots and ret_errors have room for `most`. Returns the number of shots. */
 int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
                       int n_choices, int most, double enough, int *ret_shots, double *ret_errors);

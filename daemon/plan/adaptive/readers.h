@@ -23,9 +23,10 @@ void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpoin
 /* Waits until all jobs are done. Returns FALSE with the first error if jobs have failed. */
 gboolean readers_wait(Readers *readers, GError **error);
 
-/* Starts the jobs again that have failed. Main loop's thread. */
+/* Waits until no job is running, and starts the failed jobs again. Main loop's thread. */
 void readers_retry(Readers *readers);
-/* Calls each for every job that has failed. No job may be running. Main loop's thread. */
+/* Calls the function `each` once for every job that has failed. No job may be running. Main loop's
+ * thread. */
 void readers_each_failed(Readers *readers,
                          void (*each)(const char *frame, const GError *error, gpointer data),
                          gpointer data);
