@@ -164,8 +164,8 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
 
 /* The page of --found shows the pictures of a calibration with what was found in them. Marks are
  * drawn at the places that were seen. A line at a mark points to the place that the calibration
- * predicts, and is drawn longer than it is. If a calibration fails, the page has the pictures and
- * the reasons, without marks. */
+ * predicts. The line is drawn longer than the distance between the two places. If a calibration
+ * fails, the page has the pictures and the reasons, without marks. */
 #define CALIBRATE_FOUND_PICTURES 24 /* maximum number of pictures of a page */
 
 extern char *calibrate_found; /* --found */

@@ -3,14 +3,17 @@
 
 #include "common/cli.h"
 
+/* The folder of photographs, and the position and radius of each ball in pixels, as texts "X,Y,R".
+ * photos_balls ends with NULL. Each is NULL if not given. */
 extern char *photos_folder, **photos_balls;
 extern double photos_radius_mm, photos_focal_px; /* 0 if not given */
-/* photos_dome_mm is the distance of the lamps from the middle of the dome, or 0. photos_middle says
- * at which pixels the middle is. It is on the plate on which the balls lie. NULL means the middle
- * of the picture. */
+/* photos_dome_mm is the distance of the lamps from the middle of the dome, or 0. photos_middle is
+ * the text "X,Y" of the place in pixels at which the middle of the dome is in the photographs. The
+ * middle of the dome is on the plate on which the balls lie. NULL means the middle of the picture.
+ */
 extern double photos_dome_mm;
 extern char *photos_middle;
-/* A direction whose standard error is larger than this is refused. */
+/* If the standard error of a direction is larger than this, its photograph is left out. */
 extern double photos_within_deg;
 
 /* Writes an .lp file to -o, as RTI programs read it. Its first line is the number of photographs.

@@ -5,9 +5,9 @@
  * A homography is fitted to the corners that were found. It gives the positions of the four outer
  * corners, which are the place of the board. The distance of two places is the RMS over the four
  * corners. The frame with the most corners is chosen first. Then, one after the other, the frame is
- * chosen whose board is farthest from the boards of all chosen frames. Boards that are closer than
- * a certain part of the picture's width count as one board that was held still. The sharpest of its
- * frames is taken.
+ * chosen whose board is farthest from the boards of all chosen frames. Places that are closer to
+ * each other than a certain part of the picture's width count as one place at which the board was
+ * held still. Of the frames at one place, the sharpest is taken.
  */
 #pragma once
 

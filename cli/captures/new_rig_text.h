@@ -50,11 +50,11 @@ struct new_rig {
     /* Places of the devices. An empty place of NEW_RIG_SACN means multicast. */
     const char *axes_at, *bank_at, *camera_at;
     /* What the G-code board at axes_at has answered. dialect is NULL if the board was not asked,
-     * and “” if it did not answer. */
+     * and “” if the board did not answer. */
     const char *dialect, *firmware;
     int baud;
-    /* File with the positions of the lamps (rig/lamp_places.h), or NULL. If far is set, the file
-     * has only directions, and radius_mm is the distance of the lamps. */
+    /* File with the positions of the lamps (rig/lamp_places.h), or NULL. If `far` is TRUE, the
+     * file has only directions, and radius_mm is the distance of the lamps. */
     const char *positions;
     gboolean far;
     /* size of the pictures of the camera at camera_at, and number of their bits; 0 if not known */

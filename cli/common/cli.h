@@ -52,7 +52,7 @@ int cli_run(const struct command *command, int argc, char **argv);
 int cli_run_child(const struct command *parent, int argc, char **argv);
 
 extern gboolean cli_json;    /* --json was given */
-extern gboolean cli_streams; /* streams of the command that runs */
+extern gboolean cli_streams; /* the member `streams` of the command that runs */
 extern gboolean cli_force;   /* --force was given: an output may replace an existing file */
 
 /* Calls output_file_new(), with --force if it was given. Call it before long work. */

@@ -23,7 +23,8 @@ Monitor *monitor_new(Link *link, gboolean control);
 void monitor_free(Monitor *monitor);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 
-/* Shows the pose as well, and on request the cameras' last pictures (watching.h). */
+/* Makes the monitor also show the pose and, if pictures is TRUE, the cameras' last pictures
+ * (watching.h). */
 void monitor_watch(Monitor *monitor, gboolean pictures);
 
 /* Hides events of level "info" from this source, because the user knows them already. */

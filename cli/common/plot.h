@@ -21,8 +21,8 @@ gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
 void plot_ink(cairo_t *cr);
 void plot_colour(cairo_t *cr,
                  int i); /* colours that the colour-blind can distinguish; i from 0, cyclic */
-/* Draws a text that begins at x (align 0), is centred at x (0.5), or ends at x (1). y is the height
- * of its base line. */
+/* Draws a text that begins at x (align 0), is centred at x (0.5), or ends at x (1). y is the
+ * position of its base line, downwards from the top. */
 void plot_text(cairo_t *cr, double x, double y, double align, const char *text);
 
 /* Draws the errors of views and of lights on two hemispheres seen from above. */

@@ -1,6 +1,6 @@
 /* Shows progress on standard error, so that standard output contains only results. On a terminal,
  * progress is a bar. Elsewhere it is a line after one second, then a line every ten seconds and for
- * each call with now set. With --json nothing is shown. */
+ * each call of progress_show() with `now` TRUE. With --json nothing is shown. */
 #pragma once
 
 #include <glib.h>
@@ -14,11 +14,12 @@ void progress_free(Progress *progress); /* leaves the bar on the screen; NULL is
 void progress_end(Progress *progress);
 
 /* Shows a fraction of 0 … 1, and text to the right of the bar. The bar is drawn at most ten times
- * per second, unless now is set. */
+ * per second, except that a call with `now` TRUE always draws it. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
-/* Sets the text that is drawn above the bar from the next drawing on, on terminals only. The text
- * consists of whole lines, none longer than the width of the terminal. lines is their number. */
+/* Sets the text above the bar. It appears when the bar is drawn the next time, and only on a
+ * terminal. The text consists of whole lines, none longer than the width of the terminal. lines is
+ * their number. */
 void progress_set_above(Progress *progress, const char *text, int lines);
 
 /* Prints a line to standard output, above the bar. Not printed with --json. */

@@ -10,7 +10,8 @@ Record *record_new(void);
 void record_free(Record *record); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
 
-/* Appends text for people. A conversion that a key in braces follows is also a value of the JSON:
+/* Appends text for people. If a key in braces follows a conversion, the value of the conversion is
+ * also added to the JSON under this key:
  *
  *     record_say(to, "%d{views} views, error %.2f{error:%%}, in %g{real_s:time}\n",
  *                81, 0.0123, 65.0)

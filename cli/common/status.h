@@ -16,8 +16,8 @@ void status_say_progress(Record *to, BusRig1 *rig);
 void status_say_sentences(Record *to, const char *key, const char *text);
 
 /* Adds a table with the health of each device in a few words, followed by the texts of all faults
- * and of all devices that are not safe. A text is added once, and not if reason contains it. reason
- * must not be NULL. `devices` is "a(ssss)", the property Devices. While a device has a fault, the
- * "ok" of another device is shown as "ok before the fault", because this answer may be older than
- * the fault. */
+ * and of all devices that are not safe. A text that occurs several times is added once. A text that
+ * the string `reason` contains is left out. `reason` must not be NULL. `devices` is "a(ssss)", the
+ * property Devices. While a device has a fault, the "ok" of another device is shown as "ok before
+ * the fault", because the answer of that device may be older than the fault. */
 void status_say_devices(Record *to, GVariant *devices, const char *reason);

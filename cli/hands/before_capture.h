@@ -16,10 +16,10 @@ struct before_capture {
 };
 
 /* Chooses exposures and takes test shots, and prints each warning. Does nothing while the rig is
- * busy, or if the rig file or the session file cannot be parsed. *ret_chosen is the value of
- * Start's option chosen, or NULL; g_free(). Returns FALSE with an error if the test shots give
- * warnings and `yes` is FALSE, if no exposure is suitable, or if a device has failed. Also returns
- * FALSE if the calibration, or the plan of a session file with "auto", has a mistake. Other
- * mistakes are not reported here, because Start reports them. */
+ * busy, or if the rig file or the session file cannot be parsed. *ret_chosen is the value
+ * of the option "chosen" of the method Start, or NULL; g_free(). Returns FALSE with an error if the
+ * test shots give warnings and `yes` is FALSE, if no exposure is suitable, or if a device has
+ * failed. Also returns FALSE if the calibration, or the plan of a session file with "auto", has a
+ * mistake. Other mistakes are not reported here, because Start reports them. */
 gboolean before_capture(Link *link, const struct before_capture *what, char **ret_chosen,
                         GError **error);

@@ -10,12 +10,12 @@
  * count. */
 gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig);
 
-/* Homes turntable, arc, arm and probe, turns the arc to a planned light away from the cameras, and
- * takes test shots with all cameras in the session's plan. The first test shot is dark. Then there
- * is one shot under each planned lamp, with the session's shortest and longest exposures. If the
- * first five shots show a mistake, no others are taken. In the shots after them, the cameras take
- * pictures only until one of them sees the lamp. Lamps are not combined in one shot, because such a
- * shot would not show that one of them is dead.
+/* Homes turntable, arc, arm and probe, turns the arc to a planned light that is far from the
+ * cameras, and takes test shots with all cameras in the session's plan. The first test shot is
+ * dark. Then there is one shot under each planned lamp, with the session's shortest and longest
+ * exposures. If the first five shots show a mistake, no others are taken. In the shots after them,
+ * the cameras take pictures only until one of them sees the lamp. Lamps are not combined in one
+ * shot, because such a shot would not show that one of them is dead.
  *
  * Returns sentences (char *). Each says what was measured, and which key or device to change:
  * - parts of the rig are not calibrated according to calibration,

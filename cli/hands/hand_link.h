@@ -26,9 +26,10 @@ gboolean hand_open(Link *link, const char *rig, GError **error);
 /* Record what devices say (docs/build-a-rig/recordings.md). hand_begin_recording() closes the rig
  * if it is open, begins the recording, and opens the rig, so that the recording shows how its
  * devices are opened. If the rig cannot be opened, the function returns FALSE, but the recording
- * goes on. hand_end_recording() closes the rig that is open, ends the recording and returns its
- * text; g_free(). hand_end_recording() opens the rig again if was_open is TRUE, and returns NULL if
- * the rig cannot be opened. was_open is the value that hand_begin_recording() has set. */
+ * goes on. It also returns FALSE if the rig cannot be closed, or if the recording cannot begin.
+ * hand_end_recording() closes the rig that is open, ends the recording and returns its text;
+ * g_free(). hand_end_recording() opens the rig again if was_open is TRUE, and returns NULL if the
+ * rig cannot be opened. was_open is the value that hand_begin_recording() has set. */
 gboolean hand_begin_recording(Link *link, const char *rig, gboolean *was_open, GError **error);
 char *hand_end_recording(Link *link, const char *rig, gboolean was_open, GError **error);
 

@@ -49,7 +49,8 @@ void test_report_clear(struct test_report *report);
 struct test_result *test_report_add(struct test_report *report, const char *class_name,
                                     const char *name, const char *driver);
 
-/* Adds a picture, or replaces that of its camera. Refers to the frame. */
+/* Adds a picture of a camera, or replaces the picture that the report has of this camera. Takes a
+ * reference of the frame. The report owns the result. */
 struct test_picture *test_report_add_picture(struct test_report *report, const char *camera,
                                              const char *light, Frame *frame);
 
@@ -57,9 +58,9 @@ struct test_picture *test_report_add_picture(struct test_report *report, const c
  * difference, divided by √2. Returns NAN if their sizes differ. */
 double test_noise_dn(const Frame *a, const Frame *b);
 
-/* Replaces the paths and addresses of the devices in the sentences of the results with "…". Those
- * of fewer than four bytes stay. rig is the path of the rig file; nothing is replaced if it cannot
- * be read. */
+/* Replaces the paths and addresses of the devices in the sentences of the results with "…". Paths
+ * and addresses of fewer than four bytes are not replaced. rig is the path of the rig file. If the
+ * rig file cannot be read, nothing is replaced. */
 void test_report_hide_places(struct test_report *report, const char *rig);
 
 /* Returns the page (common/page.h), which has no path, no host name and no address; g_free(). */

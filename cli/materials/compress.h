@@ -35,4 +35,7 @@ void compress_clear(struct compress_asked *asked);
  * options give the same text, however they were written. g_free() */
 char *compress_inputs(const struct compress_asked *asked);
 
+/* Compresses an MDF by the method of `asked`, which must be one of mdf_codecs[], writes the result
+ * to asked->output, and adds the sizes and errors to the record. Returns CLI_DONE, or CLI_FAILED
+ * with an error. */
 int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -70,15 +70,19 @@ gboolean bench_init(struct bench *bench, const struct program_command *command, 
 void bench_clear(struct bench *bench);
 void bench_clear_verdict(struct bench *bench);
 
-/* Note why the check that runs has failed or was skipped. If it fails more than once, the first
- * reason counts. Both return FALSE. advice is a literal that says what the author of the program
- * must do. */
+/* Records why the check that runs has failed. expected says what the program should have done, and
+ * the text of came_format says what it has done. advice is a string literal that says what the
+ * author of the program must do. If this is called again in the same check, the first reason
+ * counts. Always returns FALSE. */
 gboolean bench_fail(struct bench *bench, const char *advice, const char *expected,
                     const char *came_format, ...) G_GNUC_PRINTF(4, 5);
+/* Records why the check that runs is skipped. Always returns FALSE. */
 gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Starts the program and sends "hello". bench_open() also sends "open", and reads its answer. */
+/* Starts the program, after ending it if it runs, and sends "hello". Returns FALSE with a verdict
+ * if the program cannot be started or does not answer as it must. */
 gboolean bench_hello(struct bench *bench);
+/* The same as bench_hello(), and then sends "open" and reads the answer to it. */
 gboolean bench_open(struct bench *bench);
 
 /* The same as bench_open(), and then sends "stop" to lamps or to an axis. The lamps are then off;
@@ -114,12 +118,16 @@ gboolean bench_await(struct bench *bench, guint64 id, const char *method, int wa
 const struct bench_answer *bench_await_any(struct bench *bench, guint64 id, const char *method,
                                            int wait_ms);
 
-/* Sends a request, and waits PROGRAM_ANSWER_MS for its result. */
+/* Sends a request, and waits for its result. The time limit is that of the method: command->start_s
+ * for "hello" and "open", program_camera_wait_us() for "trigger", and PROGRAM_ANSWER_MS for all
+ * others. Takes ownership of params, which may be NULL. Returns FALSE with a verdict as
+ * bench_await() does. */
 gboolean bench_ask(struct bench *bench, const char *method, JsonObject *params,
                    JsonObject **ret_values);
+/* The same as bench_ask() for a request whose result is not needed. */
 gboolean bench_do(struct bench *bench, const char *method, JsonObject *params);
 
-/* Reads answers and events for wait_ms. */
+/* Reads answers and events for wait_ms, or until the program has ended. */
 void bench_pass(struct bench *bench, int wait_ms);
 
 /* Returns whether the answer to "hello" names a capability. */

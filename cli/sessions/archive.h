@@ -36,7 +36,8 @@ struct archive_check {
 struct archive_ring {
     double theta_deg;
     int views, pictures;
-    /* shares of the BTF's values, as add_rings() in archive_page.c explains them */
+    /* Shares of the BTF's values: holes, lower bounds (saturated in every exposure), values from
+     * only the shorter exposures, and predicted values. */
     double holes, bounds, shorter, predicted;
     double sigma; /* median over pictures of σ / value */
     /* Shares of the MDF's texels: those measured in the view itself, and those supplied by other

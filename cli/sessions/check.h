@@ -35,8 +35,9 @@ struct check {
 gboolean check_session(const struct work *work, gpointer data, GError **error);
 void check_clear(struct check *check);
 
-/* Draws E_r of all views and E_i of all lights, for the central texel and for the mean over all
- * texels, as in Meseth et al. 2003 Fig. 3. */
+/* Draws the reflectance fields E_r of all views and E_i of all lights (btf/energy.h), for the texel
+ * energy->texel and for the mean over all texels, as in Meseth et al. 2003 Fig. 3. path ends in
+ * .png or .svg. */
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
 
