@@ -44,9 +44,9 @@ struct axis_motion {
 };
 
 /* The options of a motion, for a driver's table. homing_s has no row here: add AXIS_HOMING_OPTION
- * or a row of the driver. at is the offset of the struct axis_motion in the driver's private data.
- * speed and accel are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must
- * give them. */
+ * or a row of the driver. `at` is the offset of the struct axis_motion in the driver's private
+ * data. `speed` and `accel` are the defaults of speed_deg_s and accel_deg_s2. If one of them is
+ * NULL, the user must give this option. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
@@ -110,7 +110,8 @@ struct Axis {
     struct axis_state *state; /* private to the class */
 };
 
-/* Opens the device that a section describes. The axis is not homed. For also, see device_init(). */
+/* Opens the device that a section describes. The axis is not homed. `also` is as in
+ * device_init(). */
 Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
                 const char *const *also, Clock *clock, GError **error);
 
@@ -192,13 +193,13 @@ void axis_report_position(Axis *axis, double deg, gint64 at_us);
  * answer. If half that time is longer than motion.stamp_ms, nothing is reported. */
 void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us);
 
-/* Returns the duration of a move in seconds, including backlash and settling. Returns 0 if from and
- * to are the same. A way of d degrees with top speed v and acceleration a takes d/v + v/a, or 2
- * sqrt(d/a) if the top speed is not reached. Pure function. */
+/* Returns the duration of a move in seconds, including backlash and settling. Returns 0 if from_deg
+ * and to_deg are the same. A way of d degrees with top speed v and acceleration a takes d/v + v/a
+ * seconds, or 2 sqrt(d/a) seconds if the top speed is not reached. Pure function. */
 double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
 
-/* Returns the angle v²/2a that an axis needs to accelerate with a from 0 to the speed v, or to
- * brake from v. Pure function. */
+/* Returns the angle v²/2a of a ramp, in degrees. With the acceleration a, an axis needs this angle
+ * to accelerate from 0 to the speed v, or to brake from v to 0. Pure function. */
 double axis_ramp_deg(const struct axis_motion *motion, double speed_deg_s);
 
 /* Returns the signed distance from one position to another, the shorter way round if the axis

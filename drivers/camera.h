@@ -40,8 +40,8 @@ struct camera_format { /* filled by the driver's open() or opened() */
     /* The largest error of a frame's exposure_start_us. It is −1 if the error is not known, or if
      * the rows are exposed one after the other. */
     gint64 stamp_us;
-    /* The list of exposure times that the camera has, for example a DSLR. NULL if the camera has
-     * every time of its range. The driver owns the list. */
+    /* The exposure times of a camera that offers only a list of them, such as a DSLR. NULL if the
+     * camera can expose for every time of its range. The driver owns the list. */
     const gint64 *exposures_us;
     int n_exposures;
 };
@@ -68,8 +68,8 @@ struct camera_driver {
     /* Starts one exposure. The driver ends it with camera_report_frame() or camera_report_fault().
      * The driver puts shot into the frame. A simulated camera also derives its noise from shot. */
     gboolean (*trigger)(Camera *camera, guint64 shot, GError **error);
-    /* Only the camera knows which exposure times it has, as a list. Times cannot be computed, so
-     * "auto" is refused. */
+    /* TRUE if the camera offers only a list of exposure times, which is not known before the camera
+     * is opened. A session that lets the program choose the exposures ("auto") is then refused. */
     gboolean listed_exposures;
 };
 
@@ -110,8 +110,8 @@ gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera); /* for tests: whether a trigger waits */
 
 /* For drivers: these functions are called from the main loop's thread. camera_report_frame() takes
- * the reference. A frame that nobody waits for is dropped. Its id is remembered, so that the frame
- * is not taken for an answer later. */
+ * ownership of the reference to the frame. A frame that nobody waits for is dropped. Its id is
+ * remembered, so that the same frame is not taken for an answer later. */
 void camera_report_exposed(Camera *camera);
 void camera_report_frame(Camera *camera, Frame *frame);
 void camera_report_fault(Camera *camera, GError *error); /* takes ownership */

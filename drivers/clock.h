@@ -20,8 +20,8 @@ Clock *clock_new_real(void);
 
 /*
  * Makes a clock with virtual time. When the default main context has nothing else to do and nobody
- * holds the clock, time jumps to the next call and the clock makes it. Calls that are due at the
- * same time are made in the order in which they were requested.
+ * holds the clock, time jumps to the next call that was requested, and the clock makes that call.
+ * Calls that are due at the same time are made in the order in which they were requested.
  */
 Clock *clock_new_virtual(void);
 
@@ -32,9 +32,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Clock, clock_unref)
 gboolean clock_is_virtual(const Clock *clock);
 gint64 clock_now_us(const Clock *clock);
 
-/* Both functions call func once from the main loop, at a time or after a delay. A func that is
- * already late is called as soon as possible. They return an id for clock_cancel(), which is never
- * 0. */
+/* Both functions call `func` once from the main loop, at a time or after a delay. If that time has
+ * already passed, `func` is called as soon as possible. The functions return an id for
+ * clock_cancel(). The id is never 0. */
 guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data);
 guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data);
 
@@ -49,9 +49,10 @@ void clock_cancel(Clock *clock, guint *id);
 void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
 
-/* For tests: asks threads that work in parallel to the main loop to hold a virtual clock while they
- * work. Without this call they do not hold the clock. Afterwards, runs with the same devices have
- * the same events in the same order, and no work of different threads overlaps. A simulation that
- * is to be repeated exactly needs this. Call the function before such threads begin to work. */
+/* For tests: switches on lockstep. In lockstep, threads that work in parallel to the main loop hold
+ * a virtual clock while they work. Without lockstep they do not hold the clock. In lockstep, runs
+ * with the same devices have the same events in the same order, and no work of different threads
+ * overlaps. A simulation that is to be repeated exactly needs this. Call the function before such
+ * threads begin to work. */
 void clock_set_lockstep(Clock *clock);
 gboolean clock_is_lockstep(const Clock *clock);

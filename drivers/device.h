@@ -31,8 +31,8 @@ enum device_error {
     DEVICE_ERROR_UNSUPPORTED, /* the device cannot do that */
 };
 
-/* Makes an error of a device. who names the device (struct device has the name). A lower layer that
- * does not know the name passes NULL, and its caller adds the name with
+/* Makes an error of a device. `who` names the device (struct device has the name). A lower layer
+ * that does not know the name passes NULL, and its caller adds the name with
  * error_details_add_subject(). The format says what happened, without the name of the device, and
  * then what to do, after ERROR_ADVICE. For example,
  *     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
@@ -95,9 +95,10 @@ struct device;
  * thread, from within the call that requests light or motion. */
 typedef gboolean (*DevicePermit)(const struct device *device, gpointer data, GError **error);
 
-/* Called from the main loop when a device becomes unsafe: an output that should be off, or an axis
- * that should stand, has not confirmed it. error says which output and why, and is valid during the
- * call. Called with error NULL when every output of the device has confirmed its state. */
+/* Called from the main loop when a device becomes unsafe. A device is unsafe if an output that
+ * should be off has not confirmed that it is off, or if an axis that should stand has not confirmed
+ * that it stands. error says which output and why, and is valid during the call. When every output
+ * of the device has confirmed its state, the function is called with error NULL. */
 typedef void (*DeviceSafetyFunc)(struct device *device, const GError *error, gpointer data);
 
 /* First member of every class's device struct. */
@@ -115,7 +116,7 @@ struct device {
     DevicePermit permit;
     DeviceSafetyFunc watch;
     gpointer permit_data, watch_data;
-    GError *unsafe; /* reason why the device is not safe; NULL if it is safe */
+    GError *unsafe; /* the reason, if the device is unsafe; NULL if it is safe */
     gboolean told_unsafe;
     guint tell;
 };
@@ -130,8 +131,10 @@ void device_set_permit(struct device *device, DevicePermit permit, gpointer data
 void device_watch_safety(struct device *device, DeviceSafetyFunc func, gpointer data);
 gboolean device_is_unsafe(const struct device *device);
 
-/* For classes: fills a device from its section and checks the driver's options. also lists keys
- * that the class or the rig reads; "driver" need not be listed. Undone by device_clear(). */
+/* For classes: fills a device from its section and checks the driver's options. `also` is an array
+ * of further keys that the section may have, because the class or the rig reads them. The array
+ * ends with NULL and need not contain "driver"; it may be NULL. device_clear() frees what this
+ * function has allocated. */
 gboolean device_init(struct device *device, const struct driver_info *info,
                      const struct config_section *section, const char *const *also, Clock *clock,
                      GError **error);
@@ -153,7 +156,7 @@ gboolean device_record_opened(const struct device *device, gboolean opened, GErr
 /* For classes: returns whether the device may give light or move now. */
 gboolean device_ask_permit(const struct device *device, GError **error);
 
-/* For classes: sets whether the device is unsafe. unsafe says why; NULL means that the device is
- * safe. Only changes are reported. The report comes from the main loop, not from within this
- * call. */
+/* For classes: sets whether the device is unsafe. `unsafe` says why the device is unsafe, or is
+ * NULL if the device is safe. Only changes are reported to the function of device_watch_safety().
+ * That function is called from the main loop, not from within this call. */
 void device_report_safety(struct device *device, const GError *unsafe);

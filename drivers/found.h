@@ -25,8 +25,8 @@ struct found {     /* strings are owned */
     char *note;
 };
 
-/* Appends a device to the list and returns it. The scan sets section and note, which are NULL.
- * what and serial may be NULL. */
+/* Appends a device to the list and returns it. Its members `section` and `note` are NULL; the
+ * caller may set them. `what` and `serial` may be NULL. */
 struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
                         const char *serial);
 GPtrArray *found_list_new(void); /* an array of struct found, which it owns */

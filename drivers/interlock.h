@@ -31,13 +31,14 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
 guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
 void interlock_unlisten(Interlock *interlock, guint id);
 
-/* Returns whether the contact is closed. Returns FALSE until the driver has reported that, and
- * while the state cannot be read. */
+/* Returns whether the contact is closed. Returns FALSE before the driver has reported the first
+ * state, and while the state cannot be read. */
 gboolean interlock_is_closed(const Interlock *interlock);
+/* Returns whether the state of the contact cannot be read. */
 gboolean interlock_is_lost(const Interlock *interlock);
 
-/* Returns a sentence for the operator, to be freed with g_free(). It says that the interlock is
- * open, or cannot be read and counts as open, and what to do. */
+/* Returns a sentence for the operator, to be freed with g_free(). The sentence says that the
+ * interlock is open, or that it cannot be read and counts as open. It also says what to do. */
 char *interlock_advice(const Interlock *interlock);
 
 /* For drivers: report the state of the contact, or that it cannot be read and therefore counts

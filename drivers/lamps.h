@@ -12,9 +12,9 @@
 
 typedef struct LampBank LampBank;
 
-/* index is -1 for lamps_all_off() and for lamps that were lost. error is NULL, or says why the
- * switch failed; it is valid during the call. at_us is the time of the device's answer or of the
- * failure. The warm-up counts from it. */
+/* Called when a switch has ended. index is -1 for lamps_all_off(), and after the driver has called
+ * lamps_lost(). error is NULL, or says why the switch failed; it is valid during the call. at_us is
+ * the time of the device's answer or of the failure. The warm-up counts from at_us. */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 
@@ -25,12 +25,12 @@ struct lamps_driver {
     /* Switches all lamps off with a single attempt, waits for the answer, and then releases the
      * device. */
     void (*close)(LampBank *bank);
-    /* Starts to switch a lamp. Index -1 with on FALSE means all lamps. The driver then calls
-     * lamps_report() once, with an error unless the device has confirmed the new state. If set()
-     * returns FALSE, the driver reports nothing. "Off" need not wait for other commands that have
-     * not been sent. If "off" overtakes an "on" of the same lamp, that "on" must never be sent and
-     * ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that failed, because the class
-     * does. */
+    /* Starts to switch a lamp. Index -1 stands for all lamps; `on` is then FALSE. The driver later
+     * calls lamps_report() once, with an error unless the device has confirmed the new state. If
+     * set() returns FALSE, the driver reports nothing. "Off" need not wait for other commands that
+     * have not been sent. If "off" overtakes an "on" of the same lamp, that "on" must never be sent
+     * and ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that failed, because the
+     * class does. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 

@@ -14,6 +14,8 @@
 
 typedef struct Laser Laser;
 
+/* Called when a switch of the laser has ended. error is NULL, or says why the switch failed; it is
+ * valid during the call. */
 typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpointer data);
 
 struct laser_driver {
@@ -23,8 +25,8 @@ struct laser_driver {
     /* Switches the laser off with a single attempt, waits for the answer, and releases the
      * device. */
     void (*close)(Laser *laser);
-    /* Starts to switch, like set() of struct lamps_driver. The driver ends it with
-     * laser_report(). */
+    /* Starts to switch the laser, like set() of struct lamps_driver (lamps.h). The driver then
+     * calls laser_report() once. */
     gboolean (*set)(Laser *laser, gboolean on, GError **error);
     gboolean simulated; /* the laser emits no real light and ends with this program */
     /* Optional, for simulated units: says that the unit has been mounted at another place. place is
@@ -35,7 +37,7 @@ struct laser_driver {
 struct Laser {
     struct device device;
     const struct laser_driver *driver;
-    double warm_up_s;
+    double warm_up_s; /* time from switching on until the output is stable */
     /* The time after which the laser goes off by itself when this program has died, hangs or has
      * lost the connection. open() fills it. It is 0 if the laser stays on. */
     double watchdog_s;
@@ -49,9 +51,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Laser, laser_close)
 
 void laser_listen(Laser *laser, LaserFunc func, gpointer data);
 
-/* Sets the interlock that guards the laser, or NULL for none. It is not owned and must live longer
- * than the laser. When the interlock opens, the laser is switched off immediately, even if it has
- * no listener. */
+/* Sets the interlock that guards the laser, or NULL for none. The laser does not own the interlock,
+ * which must live longer than the laser. When the interlock opens, the laser is switched off
+ * immediately, even if no listener is set. */
 void laser_guard(Laser *laser, Interlock *interlock);
 
 /* Switches the laser. "Off" is always accepted. "On" fails with DEVICE_ERROR_INTERLOCK while the

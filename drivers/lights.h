@@ -9,12 +9,13 @@
 
 #include "device.h"
 
-/* Starts a command, like set() of a driver. index -1 with on FALSE means all lights. */
+/* Starts a command, like set() of a driver (lamps.h). Index -1 stands for all lights; `on` is then
+ * FALSE. */
 typedef gboolean (*LightsSend)(gpointer device, int index, gboolean on, GError **error);
 
 /* Called exactly once for each lights_set() that did not fail. at_us is the time of the device's
- * answer or of the deadline, and error is NULL if the device has confirmed the command. The caller
- * uses nothing of the device afterwards, because this function may close the device. */
+ * answer or of the deadline. error is NULL if the device has confirmed the command. This function
+ * may close the device, so its caller does not use the device after the call. */
 typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_us,
                              const GError *error);
 

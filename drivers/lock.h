@@ -28,15 +28,16 @@
 typedef struct Lock Lock;
 
 enum lock_role {
-    /* The default. Takes the lock, or fails. Waits up to five seconds for a program that is making
-     * the device safe if the device is LOCK_ALONE. */
+    /* The default. Takes the lock, or fails. If the device is LOCK_ALONE and another program is
+     * making it safe, lock_take() first waits up to five seconds for that program. */
     LOCK_OWNER,
-    /* The next two roles make a rig safe. Both fail if another process is making the device safe
-     * and the device is LOCK_ALONE. */
-    /* for the work after the end of a daemon: fails if another process has the lock */
+    /* The roles LOCK_GUARDIAN and LOCK_OPERATOR make a rig safe. Both fail if the device is
+     * LOCK_ALONE and another process is making it safe.
+     * LOCK_GUARDIAN is for the work after the end of a daemon. It also fails if another process has
+     * the lock. */
     LOCK_GUARDIAN,
-    /* For an operator who requests it: fails if another process has the lock and the device is
-     * LOCK_ALONE. */
+    /* LOCK_OPERATOR is for an operator who requests the safe state. It also fails if another
+     * process has the lock and the device is LOCK_ALONE. */
     LOCK_OPERATOR,
 };
 
@@ -49,7 +50,7 @@ enum lock_kind {
     LOCK_SHARED, /* the device serves several programs, such as a board on the network */
 };
 
-/* Takes the lock of a device. what names the device in the error, for example "/dev/ttyUSB0". The
+/* Takes the lock of a device. `what` names the device in the error, for example "/dev/ttyUSB0". The
  * error is DEVICE_ERROR_BUSY. It names the process that has the device and says what to do. A
  * second lock of the same key also fails in the same process, so sections that use the same device
  * share one lock. */
@@ -57,12 +58,13 @@ Lock *lock_take(const char *key, enum lock_kind kind, const char *what, GError *
 void lock_release(Lock *lock); /* NULL is ignored */
 const char *lock_key(const Lock *lock);
 
-/* Returns whether a process holds the lock. *ret_pid is its number, or 0 if it is not known. Does
- * not take the lock. */
+/* Returns whether a process holds the lock. *ret_pid is the number of that process, or 0 if it is
+ * not known. The function does not take the lock. */
 gboolean lock_holder(const char *key, pid_t *ret_pid);
 
-/* Returns the process that holds a lock which lock_take() has found taken since the last call of
- * this function. lock_take() may have failed because of it or not. Returns 0 if there is none. */
+/* Each lock_take() that finds the lock taken notes the number of the process that holds it, whether
+ * lock_take() then fails or not. lock_steal_found() returns the number that was noted last, and
+ * forgets it. Returns 0 if none was noted since the last call, or if the number is not known. */
 pid_t lock_steal_found(void);
 
 /* Returns the name of a process: "mesorigd --rig rig.conf (process 708)", or "process 708" if its

@@ -18,8 +18,9 @@ void recording_begin(void);
 
 /* Ends the recording, and returns its text. Returns NULL if there is none. g_free()
  *
- * The text has no name of the computer and of its user, no path and no network address. These and
- * everything that recording_hide() has named are replaced. */
+ * The text contains neither the names of the computer and of its user nor a path or a network
+ * address. Other text stands in their places, and in the place of everything that was given to
+ * recording_hide(). */
 char *recording_end(void);
 
 extern gint recording_state; /* use recording_is_on() */
@@ -27,9 +28,9 @@ static inline gboolean recording_is_on(void) {
     return g_atomic_int_get(&recording_state) != 0;
 }
 
-/* The bus of a message. kind is the way of its messages: "serial", "modbus", "udp", "http",
- * "program", "usb", "v4l2" or "genicam". address is its place on this computer or in the network;
- * the text has a number instead. */
+/* The bus of a message. `kind` is the kind of the bus: "serial", "modbus", "udp", "http",
+ * "program", "usb", "v4l2" or "genicam". `address` is the place of the bus on this computer or in
+ * the network. In the text of the recording, a number stands for the address. */
 struct recording_bus {
     const char *kind, *address;
 };
@@ -47,12 +48,14 @@ void recording_bytes(struct recording_bus bus, enum recording_way way, const gui
 /* Records that something other than a message has happened, such as a missing answer. */
 void recording_note(struct recording_bus bus, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Returns whether the value of a key of a rig file is a place on this computer or in its network,
- * or the number of one device. The text of a recording does not have these values. */
+/* Returns whether the value of a key of a rig file names a place on this computer or in its
+ * network, such as a path or an address, or is the serial number of a device. The text of a
+ * recording does not have such values. */
 gboolean recording_is_place(const char *key);
 
-/* For classes: records the section of a device, and the calls and results of the device that who
- * names ("axis turntable"). A result begins with "= ". */
+/* For classes. recording_section() records the section of a device. recording_device() records a
+ * call of a device, or its result. `who` names the device ("axis turntable"). The text of a result
+ * begins with "= ". */
 void recording_section(const struct config_section *section);
 void recording_device(const char *who, const char *format, ...) G_GNUC_PRINTF(2, 3);
 

@@ -3,8 +3,8 @@
  *
  * The option `device` is an IP address, a serial number, or Aravis's name of the camera. A camera
  * is triggered by its software command, or by a pulse on an input line. A frame is accepted only if
- * it was exposed after its trigger by the camera's own clock or, for a camera without a clock,
- * began to arrive after its trigger. An older frame is ignored.
+ * the camera's own clock shows that the exposure began after the trigger. If the camera has no
+ * clock, the frame must have begun to arrive after the trigger. An older frame is ignored.
  */
 #pragma once
 

@@ -38,8 +38,9 @@ struct aravis_limits {
 };
 
 /* Connects, takes control of the camera, sets everything up and creates the stream. Waits up to
- * control_s seconds for another program to release the camera. Keeps options, which must stay
- * valid. func is called in Aravis's stream thread. */
+ * control_s seconds for another program to release the camera. The struct `options` is not copied
+ * and must stay valid until the device is closed. `func` is called in Aravis's stream thread.
+ * Returns NULL with an error on failure. */
 AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
                                  ArvStreamCallback func, gpointer data, GError **error);
 void aravis_device_close(AravisDevice *device); /* NULL is ignored */
@@ -76,8 +77,9 @@ gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 
-/* The camera's clock relative to g_get_monotonic_time(): our time = the camera's time + offset_us,
- * with an uncertainty of ± error_us. valid is FALSE if the camera has no clock that can be read. */
+/* The camera's clock relative to g_get_monotonic_time(). The time of g_get_monotonic_time() is the
+ * camera's time in µs + offset_us, with an uncertainty of ± error_us. `valid` is FALSE if the
+ * camera has no clock that can be read. */
 struct aravis_clock {
     gboolean valid;
     double offset_us, error_us;

@@ -17,7 +17,7 @@ struct aravis_format {
     const char *name; /* value of the camera's feature PixelFormat */
     guint32 code;     /* code by the Pixel Format Naming Convention */
     enum cfa cfa;
-    int bits; /* of a value */
+    int bits; /* bits of a value */
     enum aravis_packing packing;
 };
 
@@ -31,6 +31,6 @@ extern const struct aravis_format aravis_formats[];
 /* Returns the number of bytes in which a camera sends a frame. */
 gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);
 
-/* Unpacks n pixels to one value each. from holds as many bytes as aravis_format_bytes() returns
- * for these pixels. */
+/* Unpacks n pixels to one value each. `from` points to as many bytes as aravis_format_bytes()
+ * returns for n pixels. `to` has room for n values. */
 void aravis_unpack(const struct aravis_format *format, const guint8 *from, gsize n, guint16 *to);

@@ -11,8 +11,9 @@
 struct aravis_raw {
     const char *what;   /* "gamma" */
     const char *effect; /* its effect on measured values, as a full sentence for messages */
-    /* The feature that switched the function off, or the first feature that could do that. The name
-     * includes the position of its selector: "LUTEnable[Luminance]". */
+    /* Name of the feature that has switched the function off. If the function is not off, name of
+     * the first feature that could switch it off. The name includes the position of the feature's
+     * selector: "LUTEnable[Luminance]". */
     char *feature;
     char *value; /* the present value of that feature */
     char *why;   /* reason why the function is not off; NULL if it is off */
@@ -20,14 +21,14 @@ struct aravis_raw {
     gboolean unsteady;
 };
 
-/* Returns all functions of the table that the camera has and that can be in use with its present
- * settings, as struct aravis_raw. Free the array with g_ptr_array_unref(). If switch_off is TRUE,
- * each function is switched off first, and every value is read back. Selectors keep their
- * positions. A setting that the camera refuses is not an error. Returns NULL with DEVICE_ERROR if
- * the camera no longer answers. */
+/* Returns an array of struct aravis_raw, one for each function of the table that the camera has and
+ * that can be in use with its present settings. Free the array with g_ptr_array_unref(). If
+ * switch_off is TRUE, each function is switched off first, and every value is read back. Selectors
+ * keep their positions. A setting that the camera refuses is not an error. Returns NULL with
+ * DEVICE_ERROR if the camera no longer answers. */
 GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error);
 
-/* For genicam_files, which examines files of cameras. Returns switches and choices that are not
- * off and not in the table, but whose names sound as if they alter frames. Each is written as "NAME
- * = VALUE". Free the result with g_strfreev(). */
+/* For the program genicam_files, which examines files of cameras. Returns the switches and choices
+ * that are not off and not in the table, but whose names suggest that they alter frames. Each is
+ * written as "NAME = VALUE". Free the result with g_strfreev(). */
 char **aravis_raw_unknown(ArvDevice *device);

@@ -16,11 +16,11 @@ struct aravis_hooks {
     /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* the hook takes ownership of the reference */
-    /* A frame has come that was exposed before_us before its trigger. The right frame may
-     * follow. */
+    /* A frame has come whose exposure began before_us before its trigger (or whose arrival did, as
+     * answer_frame() says). The frame is not used. The right frame may follow. */
     void (*stale)(gint64 before_us, gpointer data);
-    /* A request or the frame of a trigger has failed, or the camera was lost. A waiting trigger has
-     * ended. The hook takes ownership of the error. */
+    /* A request has failed, the frame of a trigger has failed, or the camera was lost. A trigger
+     * that waited for its frame has ended. The hook takes ownership of the error. */
     void (*failed)(GError *error, gpointer data);
     /* The camera cannot be used because of the error. If error is NULL, it can be used again. */
     void (*lost)(const GError *error, gpointer data);
@@ -41,8 +41,9 @@ const char *const *aravis_worker_warnings(const AravisWorker *worker);
  * than a second, because a camera that does not answer is released later. NULL is ignored. */
 void aravis_worker_free(AravisWorker *worker);
 
-/* Send a request to the thread and do not wait. aravis_worker_configure() may be called before the
- * camera is armed. If the camera refuses its settings, each trigger after that fails. */
+/* These functions send a request to the thread and do not wait. aravis_worker_configure() may be
+ * called before the camera is armed. If the camera refuses the exposure or the gain, each trigger
+ * after that fails. */
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db);
 void aravis_worker_arm(AravisWorker *worker);
 void aravis_worker_disarm(AravisWorker *worker); /* a waiting trigger ends without an event */

@@ -11,8 +11,9 @@
 
 extern const struct camera_driver gphoto2_camera_driver;
 
-/* Finds cameras on USB, by mesorig-gphoto2, and adds them to the array (of struct found). A device
- * that another scan has listed with the same address gets its section here. Waits up to 5 s. Fails
- * with G_IO_ERROR_TIMED_OUT if the program takes longer, with G_IO_ERROR_FAILED if the program ends
- * with an error, and with other errors if the program is missing or cannot be started. */
+/* Finds cameras on USB, by mesorig-gphoto2, and adds them to the array (of struct found). If the
+ * array already has a USB device with the address of a camera, this device gets the section of the
+ * camera instead. Waits up to 5 s. Fails with G_IO_ERROR_TIMED_OUT if the program takes longer,
+ * with G_IO_ERROR_FAILED if the program ends with an error, and with other errors if the program is
+ * missing or cannot be started. */
 gboolean gphoto2_scan(GPtrArray *to, GError **error);

@@ -15,7 +15,7 @@ char *setting_get(Camera *camera, GPContext *context, const char *name);
  * Free them with g_strfreev(). */
 char **setting_choices(Camera *camera, GPContext *context, const char *name);
 
-/* Sets a value, and waits until the camera reports it. If the camera is busy, tries again until
- * deadline_us of g_get_monotonic_time(). */
+/* Sets a value, and waits until the camera reports it. If the camera is busy, the function tries
+ * again until deadline_us, a time of g_get_monotonic_time(). */
 gboolean setting_set(Camera *camera, GPContext *context, const char *name, const char *value,
                      gint64 deadline_us, GError **error);

@@ -12,6 +12,7 @@ double setting_text_number(const char *text);
  * their numbers. Any other texts are compared as a whole, ignoring the case of the letters. */
 gboolean setting_text_equal(const char *a, const char *b);
 
-/* Returns the index of the text that is nearest to a value, by the ratio of the numbers. Returns −1
- * if the value or all texts are no numbers above 0. */
+/* Returns the index of the text whose number is nearest to the number of `value`, by their ratio.
+ * The array ends with NULL. Returns −1 if `value` does not state a number above 0, or if no text
+ * does. */
 int setting_text_nearest(const char *value, const char *const *texts);

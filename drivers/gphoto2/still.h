@@ -4,11 +4,11 @@
  *
  * A trigger and its picture are only loosely connected in libgphoto2. The picture is announced by
  * an event that may come late or never. A picture that was given up arrives later, and must not be
- * taken for the next one. Therefore a shot first settles the shots that were given up. It then
- * waits for the event until three exposures and the times trigger_ms and readout_ms are over, and
- * looks at last for a new file on the card.
- * After an error of the connection, the camera is connected again and looked through for the
- * picture. Times are those of g_get_monotonic_time(). Errors are G_IO_ERROR without a subject.
+ * taken for the next one. Therefore a shot first settles the shots that were given up. After its
+ * trigger, it waits for the event, at most for three times the exposure plus trigger_ms and
+ * readout_ms. If no event has come by then, it looks for a new file on the card.
+ * After an error of the connection, the camera is connected again and searched for the picture.
+ * Times are those of g_get_monotonic_time(). Errors are G_IO_ERROR without a subject.
  */
 #pragma once
 
@@ -19,15 +19,15 @@ typedef struct Still Still;
 struct still_options {
     const char *port;            /* "usb", a place on USB, or a port of libgphoto2 */
     const char *model;           /* name in libgphoto2; NULL if libgphoto2 recognises the camera */
-    const char *iso, *aperture;  /* NULL leaves the camera's */
+    const char *iso, *aperture;  /* NULL leaves the camera's setting as it is */
     const char *shutter;         /* name of the setting; NULL means "shutterspeed" */
     const char *const *settings; /* "NAME=VALUE"; may be NULL */
     gboolean keep_on_card;
     int trigger_ms, readout_ms;
 };
 
-/* How a shot waits. pause() waits up to ms, and returns FALSE if the shot is to be given up.
- * exposed() is told that the exposure has ended. */
+/* How a shot waits. pause() waits up to `ms` milliseconds, and returns FALSE if the shot is to be
+ * given up. exposed() is called when the exposure has ended. */
 struct still_wait {
     gboolean (*pause)(int ms, gpointer data);
     void (*exposed)(gpointer data);
@@ -63,7 +63,8 @@ const GArray *still_exposures(const Still *still);
  * error: G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
 char *still_shoot(Still *still, const struct still_shot *shot, GError **error);
 
-/* Takes the events that wait, which keeps the camera awake. */
+/* Takes the events that wait. Call it now and then while no picture is taken, because it keeps the
+ * camera awake. */
 void still_idle(Still *still);
 
 /* Prints a line for each camera on USB: place, model, serial number, port, with tabs. Returns FALSE

@@ -11,8 +11,8 @@ gboolean modbus_is_tcp(const char *bus);
  * Free it with g_free(). */
 char *modbus_address_name(const char *bus);
 
-/* Returns the name of one thing of a unit: "coil 3 of unit 1 at tcp:10.0.0.2:502" for the what
- * "coil" and the number 3. Free it with g_free(). */
+/* Returns the name of one thing of a unit. For example, with "coil" for `what` and 3 for `number`,
+ * the name is "coil 3 of unit 1 at tcp:10.0.0.2:502". Free it with g_free(). */
 char *modbus_address_of(const char *what, int number, const char *bus, int unit);
 
 /* Locks a unit of a board on the network, at all addresses that its host name has. Fails like
@@ -20,6 +20,7 @@ char *modbus_address_of(const char *what, int number, const char *bus, int unit)
  * The list is empty if the name of the host is not known. */
 GPtrArray *modbus_address_lock_unit(const char *bus, int unit, GError **error);
 
-/* Returns whether a process has locked a unit of a board on the network. *ret_pid is its number,
- * as in lock_holder(). It is not set if the host name is not known. */
+/* Returns whether a process has locked a unit of a board on the network. *ret_pid is the number of
+ * that process, as in lock_holder(). If the host name is not known, the function returns FALSE and
+ * does not set *ret_pid. */
 gboolean modbus_address_unit_holder(const char *bus, int unit, pid_t *ret_pid);

@@ -6,9 +6,10 @@
  * "Off" and "stop" are urgent jobs. They go before all jobs that have not begun. A command that an
  * urgent job overtakes must not be carried out after it: the device that sends "off" or "stop"
  * drops its own "on" or "move" with modbus_bus_skip() first. A poll that has begun is interrupted
- * when one of its attempts fails, and begins again later. An urgent job for a unit that has not
- * answered its last job makes only one attempt, except in modbus_bus_do(). The class of the device
- * asks again, and other units of the line must not wait for a unit that does not answer.
+ * when one of its attempts fails while an urgent job waits, and begins again later. An urgent job
+ * for a unit that has not answered its last job makes only one attempt, except in modbus_bus_do().
+ * The class of the device asks again, and other units of the line must not wait for a unit that
+ * does not answer.
  *
  * RTU has no transaction id. After a time-out, a late reply looks like the reply to the next
  * request. After a time-out the line therefore discards everything until it has been silent for

@@ -9,10 +9,11 @@
  * See drivers/found.h. */
 gboolean serial_scan(GPtrArray *to, GError **error);
 
-/* Asks the units first to last of a line whether they exist, by reading their first register and
- * their first coils. Nothing is changed. Each unit that does not exist costs timeout_ms and late_ms
- * of the link, if its retries are 0. The function fails if the line cannot be opened, for example a
- * serial line that another process has open. A unit of a board on the network is asked even if
- * another process uses it; the note of the result then names that process. */
+/* Asks each unit from number `first` to number `last` of a line whether it exists. For this the
+ * function reads the first register and the first coils of the unit, and changes nothing. Each unit
+ * that does not exist costs timeout_ms and late_ms of the link, if its retries are 0. The function
+ * fails if the line cannot be opened, for example a serial line that another process has open. A
+ * unit of a board on the network is asked even if another process uses it; the note of the result
+ * then names that process. */
 gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrArray *to,
                      GError **error);

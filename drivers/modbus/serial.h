@@ -8,12 +8,12 @@
  * the line. */
 int modbus_serial_take(const char *path);
 
-/* Returns the program that has locked the line: "mesorigd (process 708)". Returns NULL if it cannot
- * be found out. Free it with g_free(). */
+/* Returns the name of the program that has locked the line, such as "mesorigd (process 708)".
+ * Returns NULL if the program is not known. Free it with g_free(). */
 char *modbus_serial_holder(const char *path);
 
-/* Changes the settings of the line, so that setting the wanted ones succeeds afterwards. Debian's C
- * library returns EINVAL if the wanted settings change nothing. This concerns parity on a
- * pseudo-terminal, which has none: without this call, a pseudo-terminal that a killed program has
- * used could not be opened again. */
+/* Changes the settings of the line, so that the wanted settings can be set afterwards. Debian's C
+ * library returns EINVAL if the wanted settings change nothing but parity, which a pseudo-terminal
+ * does not have. Without this call, a pseudo-terminal that a killed program has used could not be
+ * opened again. */
 void modbus_serial_unsettle(int fd);

@@ -37,9 +37,10 @@ double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 /* Returns the time between two requests that keep the device on: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* Adds a mistake if the watchdog's time, as its register or the timed relays hold it, is out of
- * range. The time must be at least 1.5 times the time that one lost answer takes. max is the
- * largest value that the board can hold. */
+/* Adds a mistake if the watchdog's value, after_s · scale, is not between 1 and max after rounding.
+ * max is the largest value that the register or the timed relays of the board can hold. Also adds a
+ * mistake if the time that the rounded value stands for is less than 1.5 times the time that one
+ * lost answer takes: timeout_ms + 2 late_ms of the link. */
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes);
 

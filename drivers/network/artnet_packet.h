@@ -13,13 +13,14 @@
 #define ARTNET_POLL_SIZE 14
 #define ARTNET_DMX_SIZE  (18 + ARTNET_CHANNELS)
 
-/* Writes a request to a node to report itself. Nothing more is requested, so the node answers once
- * and sends nothing by itself. */
+/* Writes an ArtPoll: it requests that a node reports itself once. The node sends no further reports
+ * unless it is asked again. */
 void artnet_poll(guint8 ret[ARTNET_POLL_SIZE]);
 
-/* Writes the levels of all channels of a universe. The sequence number is 0, which means that the
- * node does not check it. A program that continues the work of another one begins to count again. A
- * node that checked the numbers would drop its packets as old, even an "off". */
+/* Writes an ArtDmx: the levels of all channels of a universe. The sequence number is 0, so the node
+ * does not check it. Other numbers would do harm: a program that continues the work of another one
+ * begins to count again, and a node that checks the numbers would drop its packets as old, even an
+ * "off". */
 void artnet_dmx(int universe, const guint8 levels[ARTNET_CHANNELS], guint8 ret[ARTNET_DMX_SIZE]);
 
 #define ARTNET_PORTS 4

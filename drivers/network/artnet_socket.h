@@ -16,12 +16,15 @@ typedef void (*ArtnetFunc)(const struct artnet_reply *reply, gpointer data);
 ArtnetSocket *artnet_socket_get(guint32 local_address, GError **error);
 void artnet_socket_unref(ArtnetSocket *socket); /* NULL is ignored */
 
+/* Sets that func is called for each reply that comes from the address `node`. */
 void artnet_socket_listen(ArtnetSocket *socket, guint32 node, ArtnetFunc func, gpointer data);
+/* Removes all listeners with this data. */
 void artnet_socket_unlisten(ArtnetSocket *socket, gpointer data);
 
 /* Sends a packet to a node. A packet for which the system has no space is lost. */
 gboolean artnet_socket_send(ArtnetSocket *socket, guint32 node, const guint8 *packet, gsize n,
                             GError **error);
 
-/* Takes what has arrived. The main loop also calls this. */
+/* Reads the packets that have arrived, and calls the listeners. The main loop also calls this
+ * function. */
 void artnet_socket_receive(ArtnetSocket *socket);

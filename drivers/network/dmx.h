@@ -35,7 +35,8 @@ struct dmx_protocol {
     /* Returns the last time at which the receivers are known to have been alive. Returns G_MININT64
      * if nothing was ever heard from them. */
     gint64 (*alive_us)(const struct dmx *dmx);
-    /* Returns the reason why the receivers did not obey at the time alive_us(), or NULL. */
+    /* Returns an error if, at the time alive_us(), the receivers did not obey. Otherwise returns
+     * NULL. */
     GError *(*fault)(const struct dmx *dmx);
     /* Returns the error of a command that was not confirmed in time. */
     GError *(*silence)(const struct dmx *dmx);
@@ -47,7 +48,9 @@ struct dmx {
     char *address, *local_address;
     int universe, start, n, channels, bits;
     struct option_doubles levels, other_values;
-    int n_same; /* channels after the brightness that have the same value; set by a driver */
+    /* Number of channels after the brightness that get the same value as the brightness. The
+     * driver sets it. */
+    int n_same;
     double warm_up_s;
 
     const struct dmx_protocol *protocol;
@@ -56,11 +59,11 @@ struct dmx {
     guint8 (*frames)[DMX_CHANNELS];
     GPtrArray *locks; /* of Lock */
     GQueue commands;  /* of struct command, in order */
-    guint8 *states;   /* of each lamp: enum dmx_state */
+    guint8 *states;   /* state of each lamp: enum dmx_state */
     int n_burst;      /* frames that are still to be sent in fast succession */
     gint64 sent_us;   /* time when the frames were last sent */
     guint timer;
-    GError *lost; /* to be reported */
+    GError *lost; /* error that is soon given to lamps_lost(); NULL if there is none */
 };
 
 /* Rows of the option table that the drivers share. */
@@ -109,10 +112,10 @@ int dmx_count_universes(const struct dmx *dmx);
 /* Returns whether all levels are 0. */
 gboolean dmx_is_dark(const struct dmx *dmx);
 
-/* Prepares the state. The driver then opens its socket, calls dmx_start(), and calls dmx_leave() if
- * one of them fails. */
+/* Prepares the state. The driver then opens its socket and calls dmx_start(). If either of these
+ * fails, the driver calls dmx_leave(). */
 void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *bank);
-/* Locks what all universes occupy. */
+/* Locks each thing that dmx_protocol.unit() names for the universes. */
 gboolean dmx_lock(struct dmx *dmx, GError **error);
 /* Sends "off" and waits for its end, for at most wait_ms. Fills the bank. */
 gboolean dmx_start(struct dmx *dmx, int wait_ms, GError **error);
@@ -122,5 +125,5 @@ void dmx_leave(struct dmx *dmx);
 
 /* For lamps_driver.set. */
 gboolean dmx_set(struct dmx *dmx, int index, gboolean on, GError **error);
-/* To be called when something has arrived. */
+/* For the driver: call it when a packet or another answer has arrived. */
 void dmx_wake(struct dmx *dmx);

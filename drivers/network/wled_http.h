@@ -10,7 +10,7 @@ typedef struct WledHttp WledHttp;
 
 struct wled_answer {
     gint64 asked_us; /* the time that was given to wled_http_ask() */
-    gboolean off;    /* it is the answer to a request to go off */
+    gboolean off;    /* the `off` that was given to wled_http_ask() */
     GError *error;   /* DEVICE_ERROR without a subject; NULL if the members below are valid */
     gboolean on;     /* WLED shows colours of its own */
     gboolean live;   /* WLED shows what it gets by UDP from the address `from` */
@@ -28,7 +28,8 @@ gboolean wled_http_is_busy(const WledHttp *http);
 /* Begins a request for the state. If off is TRUE, WLED is first told to end the reception of UDP
  * and to go off. */
 void wled_http_ask(WledHttp *http, gboolean off, gint64 asked_us);
-/* Returns an answer that has come, or NULL. Free it with wled_answer_free(). */
+/* Returns the answer to the last request, or NULL if it has not come yet or was returned before.
+ * Free it with wled_answer_free(). */
 struct wled_answer *wled_http_take(WledHttp *http);
 
 /* For tests: reads the text of an answer. */

@@ -1,8 +1,8 @@
 /*
- * The camera of a program, for drivers in other folders that start a program of their own. The
- * private struct of such a driver begins with a struct program_camera. Its open() fills command and
- * calls program_camera_open(). The other functions are those of struct camera_driver
- * (drivers/camera.h).
+ * A camera that is a program (program.h). Drivers in other folders that start a program of their
+ * own use these functions. The private struct of such a driver begins with a struct program_camera.
+ * The driver's open() fills `command` and calls program_camera_open(). The other functions of the
+ * struct camera_driver (drivers/camera.h) are functions of this header.
  */
 #pragma once
 
@@ -19,15 +19,15 @@ struct program_camera {
     guint64 shot;
     gint64 triggered_us;
     int n_triggers;    /* number of triggers so far; the tag of the last one */
-    gboolean is_asked; /* the last trigger is not answered */
+    gboolean is_asked; /* the last trigger is not answered yet */
 };
 
-/* Reads the answer to "open". *ret_exposures_us is the list to which ret points, or NULL; free it
- * with g_free(). */
+/* Reads the answer to "open" into *ret. *ret_exposures_us is the list to which ret->exposures_us
+ * points, or NULL; free it with g_free(). */
 gboolean program_camera_read_format(JsonObject *values, struct camera_format *ret,
                                     gint64 **ret_exposures_us, GError **error);
 
-/* Returns the time in µs in which "trigger" must be answered. */
+/* Returns the longest time, in µs, that the program may take to answer "trigger". */
 gint64 program_camera_wait_us(const struct camera_format *format, gint64 exposure_us);
 
 /* program_camera_open() makes the folder and starts the program. program_camera_opened() waits for

@@ -1,5 +1,5 @@
-/* Pictures of programs: PGM (netpbm's P5) with 8 or 16 bits, a value for each pixel. The functions
- * are for any thread. Errors are DEVICE_ERROR_PROTOCOL without a subject. */
+/* Pictures that programs write: PGM (netpbm's P5) with 8 or 16 bits, one value for each pixel. Any
+ * thread may call the functions. Errors are DEVICE_ERROR_PROTOCOL without a subject. */
 #pragma once
 
 #include "drivers/frame.h"

@@ -17,7 +17,7 @@ struct program_command {
 };
 
 struct program_process {
-    pid_t pid;   /* of the runner; 0 if there is none */
+    pid_t pid;   /* process of the runner (mesorig-run-program.c); 0 if there is none */
     int in, out; /* pipes to and from the program, which do not block; −1 if closed */
     /* Socket of the runner: it can be read when the runner and all that the program has started
      * have ended. −1 if closed. */
@@ -35,5 +35,6 @@ void program_process_close_pipes(struct program_process *process);
 gboolean program_process_kill(const struct program_process *process);
 
 /* Waits for the end of the runner, and closes the socket. Returns a text that says how the program
- * has ended, such as "has ended with exit code 3", or NULL if that is not known. g_free() */
+ * has ended, such as "has ended with exit code 3", or NULL if that is not known. Free it with
+ * g_free(). */
 char *program_process_reap(struct program_process *process);

@@ -113,15 +113,17 @@ void program_listen(Program *program, const struct program_listener *listener);
 /* Makes a request. The listener gets the answer. */
 void program_call(Program *program, const struct program_request *request);
 
-/* Says that a later request replaces the requests with this tag. Those that were not sent are never
- * sent, and end with DEVICE_ERROR_BUSY. In the answers to the others, overtaken is TRUE. */
+/* Says that a later request replaces the requests with this tag. Of these, the requests that were
+ * not sent are never sent, and end with DEVICE_ERROR_BUSY. The requests that were sent are answered
+ * as usual, but `overtaken` is TRUE in their answers. */
 void program_overtake(Program *program, int tag);
 
-/* Returns whether the program says in its answer to "hello" that it can do something. */
+/* Returns whether the program lists `what`, such as "silence", among its capabilities in its answer
+ * to "hello". */
 gboolean program_can(const Program *program, const char *what);
 
-/* Adds to an error about an answer (message.h, pgm.h) the path of the program and the name of its
- * device. Also adds advice if the error has none. */
+/* Completes an error that message.h or pgm.h has set about an answer. Adds the path of the program
+ * and the name of its device to the error. Also adds advice if the error has none. */
 void program_name_error(const Program *program, GError **error);
 
 /* Makes the error of an event "lost", from the values of the event. */

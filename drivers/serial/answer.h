@@ -34,9 +34,9 @@ struct gcode_report {
     int sub;          /* number after the state's colon; −1 if there is none */
     int n_at;         /* number of positions, above 0 */
     int n_wco;        /* number of offsets; 0 if the report has none */
-    gboolean is_work; /* at is in work coordinates; the machine position is at + wco */
+    gboolean is_work; /* `at` is in work coordinates; the machine position is at + wco */
     double at[GCODE_MAX_AXES], wco[GCODE_MAX_AXES];
-    char name[16];   /* of the state, as the board writes it */
+    char name[16];   /* name of the state, as the board writes it */
     char inputs[16]; /* letters of the inputs that are active ("X" is the limit switch of X) */
 };
 
@@ -76,8 +76,8 @@ struct gcode_answer {
     int number;
     double value;
     struct gcode_report report;
-    /* GCODE_POSITION: at has the positions to which the axes were sent, and steps has those of the
-     * motors. GCODE_SCALE: at has the values. */
+    /* GCODE_POSITION: `at` has the positions to which the axes were sent, and `steps` has the
+     * positions of the motors. GCODE_SCALE: `at` has the values. */
     gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
     double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
     /* Printable ASCII. Set for GCODE_VERSION, GCODE_FAILURE, GCODE_KILLED and GCODE_UNKNOWN, and

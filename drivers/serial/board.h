@@ -10,9 +10,9 @@
  * requested it. It does not end a move of another axis: the stop is then confirmed by the positions
  * that the board reports.
  *
- * Opening the port resets most boards. The board counts as connected when it has answered, which
- * takes boot_ms at most. A board that was lost is searched for again by the next request to home or
- * to stop.
+ * Opening the port resets most boards. The board counts as connected when it has answered. boot_ms
+ * is the time that the board may take to answer after its port was opened or after a reset. A board
+ * that was lost is searched for again by the next request to home or to stop.
  *
  * All functions belong to the main loop's thread. Callbacks come from the main loop, never from
  * within a function of this header. Errors are DEVICE_ERROR and name the port, not the axis.
@@ -58,8 +58,8 @@ void gcode_link_check(const struct gcode_link *link, const struct config_section
 typedef struct GcodeClient GcodeClient;
 
 struct gcode_listener {
-    /* The board has reported the position of the axis, in units of the board. The board read it
-     * between the two times. */
+    /* The board has reported the position of the axis, in units of the board. The board read the
+     * position between the times asked_us and answered_us. */
     void (*at)(gpointer data, double units, gint64 asked_us, gint64 answered_us);
     /* A request has ended. error is NULL if it succeeded. The client may leave the board. */
     void (*ended)(gpointer data, const GError *error);
@@ -79,9 +79,10 @@ struct gcode_limits {
     int inches;      /* 1: the board reports inches, −1: it reports millimetres */
 };
 
-/* For a device's open(): connects to the board, or joins the board that is open. letter is an index
- * into GCODE_LETTERS. Waits until the board has answered, boot_ms at most. A motion that another
- * program has left is stopped. poll_ms is the time between two reports while an axis moves. */
+/* For a device's open(): connects to the board, or joins the board that is open. `letter` is an
+ * index into GCODE_LETTERS. poll_ms is the time between two reports while an axis moves. Waits
+ * until the board has answered, at most 2 boot_ms + 8 answer_ms + 4 s. A motion that another
+ * program has left is stopped. Returns NULL with an error on failure. */
 GcodeClient *gcode_client_new(const struct gcode_link *link, int letter, double poll_ms,
                               const struct device *device, const struct gcode_listener *listener,
                               gpointer data, GError **error);

@@ -84,15 +84,15 @@ struct GcodeBoard {
     enum phase phase;
     GcodeClient *active; /* NULL unless RUNNING */
     GQueue unsent, sent; /* of struct gcode_line */
-    int n_unanswered;    /* bytes in sent */
+    int n_unanswered;    /* number of bytes of the lines in `sent` */
     gint64 heard_us;     /* time of the last line that was understood */
     GError *failure;     /* why the last greeting has failed */
 
     /* The position that was reported last; n_at is 0 if none is known. */
     int n_at;
     double at[GCODE_MAX_AXES];
-    gint64 asked_us; /* time of the last question; asked is TRUE until its answer comes */
-    gboolean asked;
+    gint64 asked_us; /* time of the last question */
+    gboolean asked;  /* the board was asked for its position and has not answered yet */
     struct gcode_limits limits[GCODE_MAX_AXES];
     char firmware[64];
 
@@ -105,9 +105,9 @@ struct GcodeBoard {
     int n_wco; /* number of offsets that are known */
     double wco[GCODE_MAX_AXES];
     int alarm;     /* number of the last alarm since the last reset */
-    gboolean held; /* held_at is where the axes stood in a finished hold */
+    gboolean held; /* held_at is valid: it is where the axes stood in a finished hold */
     double held_at[GCODE_MAX_AXES];
-    double final_at[GCODE_MAX_AXES]; /* of the last final report */
+    double final_at[GCODE_MAX_AXES]; /* positions in the last of the n_final reports */
     int n_resets;                    /* number of Ctrl-X of the stage */
     int n_owed;                      /* number of Ctrl-X without a banner yet */
     char other[16];                  /* name of the unknown state that was reported last */
@@ -120,7 +120,7 @@ struct GcodeBoard {
 
     /* Marlin and Klipper */
     int token;       /* number in the last command that was sent only for its echo */
-    gboolean echoed; /* the echo of that command has come */
+    gboolean echoed; /* the echo of that last command has come */
     gboolean synced; /* the "ok" after that echo has come */
     gboolean killed; /* the board has halted itself, and obeys nothing until it is reset */
 

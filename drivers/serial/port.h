@@ -1,4 +1,4 @@
-/* A serial port in raw mode, 8 bits, no parity, one stop bit, at any speed. */
+/* A serial port in raw mode: 8 bits, no parity, one stop bit, any speed. */
 #pragma once
 
 #include <glib.h>

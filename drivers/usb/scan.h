@@ -3,6 +3,6 @@
 
 #include "drivers/found.h"
 
-/* Lists the devices; see drivers/found.h. Opens no device: the results are what the kernel has read
- * from the devices. Leaves out hubs. Also leaves out cameras, which other scans find. */
+/* Lists the USB devices except hubs, video cameras and USB3 Vision cameras; see drivers/found.h.
+ * Opens no device: the results are what the kernel has read from the devices. */
 gboolean usb_scan(GPtrArray *to, GError **error);

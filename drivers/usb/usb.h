@@ -30,12 +30,12 @@ struct usb_match {
     char *(*read_serial)(UsbDevice *usb);
 };
 
-/* data are the n bytes that an IN request has read. They are valid during the call. With an error,
- * n is 0. */
+/* Called when a request has ended. `data` points to the n bytes that an IN request has read. The
+ * bytes are valid during the call. error is NULL on success; otherwise n is 0. */
 typedef void (*UsbFunc)(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                         gpointer user);
-/* Called once after the device was unplugged and all its requests have ended. Close the device
- * then. */
+/* Called once after the device was unplugged and all its requests have ended. The owner of the
+ * device then closes it with usb_close(). */
 typedef void (*UsbLostFunc)(UsbDevice *usb, gpointer user);
 
 /* Opens the device that matches, and detaches a kernel driver from the interface. Fails with
@@ -65,16 +65,16 @@ gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint ti
                      UsbFunc func, gpointer user, GError **error);
 
 /* Makes a control transfer and waits for its end, USB_SYNC_MS at most. An IN request writes up to
- * request->length bytes to answer; for an OUT request, answer is NULL. Returns the number of bytes
- * that were transferred, or -1 with an error as of usb_control(). */
+ * request->length bytes to `answer`; for an OUT request, `answer` is NULL. Returns the number of
+ * bytes that were transferred, or -1 with an error like those of usb_control(). */
 int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *answer,
                      GError **error);
 
 struct libusb_device;
 char *usb_path_of(struct libusb_device *device); /* path as in struct usb_match; g_free() */
 
-/* Returns the device that a section selects in words: "the Tic with serial 00123456", "the Tic at
- * 1-2.4" or "the only Tic". Free it with g_free(). */
+/* Returns words for messages that name the device that a section selects: "the Tic with serial
+ * 00123456", "the Tic at 1-2.4" or "the only Tic". Here `what` is "Tic". Free it with g_free(). */
 char *usb_words(const char *what, const char *serial, const char *path);
 
 guint8 usb_interface(const UsbDevice *usb); /* number of the interface that was claimed */

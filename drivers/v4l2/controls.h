@@ -33,8 +33,8 @@ char *video_controls_lacking(const struct video_controls *controls);
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
 /* Returns one text for each control that still alters frames, or that may alter them because no
- * value without effect is known. Controls that the rig file sets are left out. settings contains
- * these settings, such as "gamma=100". Free the result with g_strfreev(). */
+ * value without effect is known. `settings` contains the settings of the rig file, such as
+ * "gamma=100"; the controls that they set are left out. Free the result with g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 
 /* Sets a control and reads it back. Fails if the device refuses the value or has changed it. A

@@ -9,14 +9,14 @@
 
 struct video_load; /* the load of one camera */
 
-/* Adds the load of a camera. Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it
- * can. The error names the link, the cameras on it and the sum of their loads. mb_s is in 10⁶ bytes
- * per second. sysfs is the folder of the device. If it is NULL or not on USB, nothing is counted
- * and *ret is NULL. */
+/* Adds the load of a camera. `who` names the camera in errors. mb_s is its load in 10⁶ bytes per
+ * second. `sysfs` is the folder of the device. If it is NULL or not on USB, nothing is counted and
+ * *ret is NULL. Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it can. The
+ * error names the link, the cameras on it and the sum of their loads. */
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */
 
-/* Returns the capacity of a link of mbit_s Mbit/s for isochronous transfers, in 10⁶ bytes per
- * second. */
+/* Returns how much a link with a speed of mbit_s, in Mbit/s, can carry in isochronous transfers, in
+ * 10⁶ bytes per second. */
 double video_link_mb_s(double mbit_s);

@@ -27,14 +27,14 @@ struct video_node {
 /* The format of a frame in memory, for both types of node. */
 struct video_pix {
     guint32 width, height, fourcc, field;
-    guint32 stride; /* bytes from row to row */
+    guint32 stride; /* number of bytes from the start of a row to the start of the next one */
     guint32 planes; /* number of memory planes of one frame; only 1 is supported */
     gboolean full_range;
 };
 
-/* Opens the node at path. If path is NULL or empty, opens the node whose bus is bus; if bus is also
- * NULL or empty, any node matches. Fails if no node matches, or if more than one does. The node is
- * then not open. Keeps who, which must stay valid. */
+/* Opens the node at `path`. If `path` is NULL or empty, opens the node whose bus name (struct
+ * video_node) is `bus`. If both are NULL or empty, any node matches. Fails if no node matches, or
+ * if more than one does. The node is then not open. `who` is not copied and must stay valid. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
 /* Closes the node. A node that is not open, or that is zeroed with fd -1, is allowed. */
@@ -55,8 +55,8 @@ int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
  * Returns -1 and sets errno on failure. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
-/* Sets an error from an errno. what says what failed, such as "could not start". Always returns
- * FALSE. */
+/* Sets an error from `code`, a value of errno. `what` says what failed, such as "could not start".
+ * Always returns FALSE. */
 gboolean video_set_error(GError **error, const struct video_node *node, int code, const char *what);
 
 /* Sets an error that names the node: "/dev/video0 cannot …". Always returns FALSE. */

@@ -17,7 +17,7 @@ struct video_request {
 struct video_setup {
     const struct video_format *format;
     int width, height;
-    gsize stride, bytes; /* bytes of a row, and of a complete frame */
+    gsize stride, bytes; /* stride: bytes from row to row; bytes: bytes of a complete frame */
     gint64 interval_us;  /* time from frame to frame */
     gboolean full_range; /* luma is from 0 to 255 rather than 16 to 235 */
 };
@@ -47,8 +47,9 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
 /* Takes a filled buffer. Returns 1 if there is one, 0 if there is none yet, and -1 with errno on
- * failure. The caller gives the buffer back after it has read the data. For both types of node,
- * bytesused is the length of the frame, and m.offset is the start of the frame in the buffer. */
+ * failure. After the caller has read the data, it calls video_stream_give_back(). For both types of
+ * node, ret->bytesused is the length of the frame, and ret->m.offset is the start of the frame in
+ * the buffer. */
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret);
 void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer);
