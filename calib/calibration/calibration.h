@@ -71,8 +71,9 @@ enum calibration_camera_parameter {
     CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
-/* Each of the next structs holds the errors of the member of struct rig that its comment names. If
- * this member is an array, each element has a struct of its own with the same index. */
+/* Each of the next structs holds errors of a calibrated device. Its comment names the member of
+ * struct rig that has the values of this device. If that member is an array, each element has a
+ * struct of its own with the same index. */
 
 struct calibration_camera { /* for rig.cameras */
     gboolean known;
@@ -102,7 +103,8 @@ struct calibration_arc { /* for rig.arc; standard errors, 0 for values that were
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
 
-/* Values of a laser that its measured lines on the plates may leave undetermined. */
+/* Values of a laser. The lines that were measured on the plates may leave some of these values
+ * undetermined. */
 enum calibration_laser_value {
     CALIBRATION_LASER_POSITION,
     CALIBRATION_LASER_AXIS,
@@ -174,9 +176,10 @@ void calibration_turn(struct calibration *calibration, double angle_rad);
 /* Returns "cameras", "lights", "laser" or "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
-/* Returns a line for users. It names the file `from`, and says which parts are calibrated and which
- * are not. If none is calibrated, the line says so and contains the text how_to instead. how_to
- * tells the user how to give a calibration. Free the line with g_free(). */
+/* Returns a line for users. If at least one part is calibrated, the line has the name of the file,
+ * `from`, and says which parts are calibrated and which are not. If no part is calibrated, the line
+ * says so, and contains the text how_to in brackets. how_to tells the user how to give a
+ * calibration. Free the line with g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
 /* Sets the description of a part, with the present date, and returns the part, which belongs to the

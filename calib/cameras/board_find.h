@@ -15,8 +15,8 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
                    GError **error);
 
 /* Projects a point of the board to the picture. If straight is TRUE, the point is projected as by a
- * lens without distortion. The difference between both projections gives the curvature of the
- * edges. Returns FALSE if the point is not visible. */
+ * lens without distortion. The difference between the projections with and without distortion gives
+ * the curvature of the edges. Returns FALSE if the point is not visible. */
 typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                                  gconstpointer data);
 
@@ -27,8 +27,8 @@ typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, doubl
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, gconstpointer data, double reach_px, double *ret_fit);
 
-/* Adds the equations of the wanted corners to lateral, with corner_lateral(). `wanted` has one flag
- * per id. The corners must lie where the geometry predicts them, within a fraction of a pixel.
- * Returns the number of corners that were added. */
+/* Adds the equations of the wanted corners to *lateral, by corner_lateral(). `wanted` has one flag
+ * per corner id. The corners must lie within a fraction of a pixel of the places that `project`
+ * predicts. Returns the number of corners that were added. */
 int board_lateral(const struct picture *picture, const struct board *board, BoardProject project,
                   gconstpointer data, const guint8 *wanted, struct corner_lateral *lateral);

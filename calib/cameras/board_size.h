@@ -31,10 +31,11 @@ void board_census_free(struct board_census *census); /* NULL is ignored */
 typedef struct board_census BoardCensus;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BoardCensus, board_census_free)
 
-/* Examines a picture before the search if it is so large that a failed search takes seconds, and if
- * the board has no markers. Returns FALSE with BOARD_ERROR_SPEC if the pictures show another size,
- * which the error names. *ret_more says whether further pictures of this size should be examined.
- * Once a picture has shown the given size, or enough pictures were examined, further calls return
+/* Examines a picture before the search. It does so only if the board has no markers and the picture
+ * is so large that a failed search takes seconds. Returns FALSE with BOARD_ERROR_SPEC if the
+ * pictures examined so far show another size of the board. The error names that size. *ret_more is
+ * TRUE if another picture with as many pixels should be examined in the same way. Once a picture
+ * has shown the given size of the board, or enough pictures were examined, further calls return
  * immediately. */
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error);

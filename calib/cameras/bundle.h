@@ -36,13 +36,13 @@ struct bundle_camera {
     double prior[BUNDLE_INTRINSICS];       /* means of the priors */
     double prior_sigma[BUNDLE_INTRINSICS]; /* standard deviations of the priors; 0: no prior */
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
-    /* centre in the rig file, mm; for the gauge of the azimuth (fix_azimuth) */
+    /* centre of the camera by the rig file, mm; see fix_azimuth in struct bundle */
     double nominal_centre[3];
     gboolean fixed_pose, fixed_lens;
     /* index of this camera minus the index of the camera whose lens it shares; 0: the camera has
      * its own lens */
     int stop;
-    double noise; /* factor by which the standard deviations of its observations are too small */
+    double noise; /* factor by which `noise` of its observations is too small */
     /* Output: covariance in the order fx … p2, ω, shift, k4, k5, k6, as in enum
      * calibration_camera_parameter. Fixed parameters have 0. */
     double covariance[BUNDLE_CAMERA][BUNDLE_CAMERA];
@@ -87,7 +87,7 @@ struct bundle {
      * commanded one */
     gboolean fix_azimuth;
     double robust; /* Huber's threshold in standard deviations; 0: plain least squares */
-    /* the solver stops when a step lowers the cost by less than 1e-5 of it */
+    /* the solver stops when a step lowers the cost by less than the fraction 1e-5 */
     gboolean coarse;
 };
 

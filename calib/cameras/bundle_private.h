@@ -41,8 +41,9 @@ void bundle_turn(double rotation[9], const double omega[3]);
 gboolean bundle_has(enum rig_lens lens, int i);
 
 /* The Jacobian of the problem at its solution, in compressed rows: two rows for each observation
- * that is not rejected, then the rows of the priors. lens and pose have the first column of each
- * camera's free parameters, or −1 if they are fixed. The stops of one camera have the same lens. */
+ * that is not rejected, then the rows of the priors. `lens` and `pose` have, for each camera, the
+ * first column of its free parameters, or −1 if these parameters are fixed. The stops of one camera
+ * have the same lens. */
 struct bundle_linear {
     int n_rows, n_columns;
     /* row i has the elements rows[i] … rows[i + 1] − 1 of columns and values */

@@ -20,13 +20,14 @@
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of view)
  * stay near those of the rig file. For photographs they stay near a lens without distortion whose
  * principal point is the middle of the picture. The prior has the following standard deviations:
- * principal point 2 % of the width (for photographs 10 %), k1 and k2 0.3, k3 0.1, p1 and p2 0.003,
- * fx / fy 0.002. For a rational lens, k1 … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
+ * 2 % of the width for the principal point (for photographs 10 %), 0.3 for k1 and k2, 0.1 for k3,
+ * 0.003 for p1 and p2, and 0.002 for fx / fy. For k1 … k6 of a rational lens and k1 … k4 of a
+ * fisheye, the standard deviation is 1 instead.
  *
- * The lens model is that of the task if the task gives one. Otherwise it is that of the rig file,
- * and for photographs it is chosen by cross-validation over pictures. Five times, each model is
- * fitted to four fifths of the pictures and predicts the corners in the last fifth. In these
- * pictures, only the poses of the boards are fitted. The fisheye is compared with the polynomial,
+ * The task may give the lens model. Otherwise the cameras of a rig have the lens models of the rig
+ * file, and for photographs the model is chosen by cross-validation over pictures. Five times, each
+ * model is fitted to four fifths of the pictures and predicts the corners in the last fifth. In the
+ * last fifth, only the poses of the boards are fitted. The fisheye is compared with the polynomial,
  * and then the rational lens with the better of these two. A model replaces another one if it
  * lowers the loss, summed over the pictures, by more than twice the standard error of the
  * differences.
@@ -71,12 +72,13 @@ struct cameras_picture {
     double turntable_deg;
 };
 
-/* Reads picture i. The calibration may ask for the same picture several times. Returns a picture,
- * which the calibration frees, or NULL with an error. Several threads call the function at the same
- * time. */
+/* Reads picture i of cameras_task.pictures. Returns a picture, which the calibration frees, or NULL
+ * with an error. The calibration may ask for the same picture several times, and several threads
+ * may call the function at the same time. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
-/* Reports that `step` of `n` steps are done. Returns FALSE to cancel (G_IO_ERROR_CANCELLED). It is
- * called from the thread that called cameras_calibrate() or cameras_calibrate_lens(). */
+/* Reports that `step` of `n` steps are done. If the function returns FALSE, the calibration ends
+ * with G_IO_ERROR_CANCELLED. The function is called from the thread that called
+ * cameras_calibrate() or cameras_calibrate_lens(). */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
 
 /* Returns a first guess of the focal length in pixels of photographs of this size, or 0 if nothing
@@ -90,9 +92,9 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
-    gboolean no_turntable; /* the rig has no turntable: every lay is one position of the board */
-    /* TRUE: the model is lens. FALSE: it is chosen by cross-validation for photographs, and is that
-     * of the rig file for a rig. */
+    gboolean no_turntable; /* the rig has no turntable; cameras_picture.lay counts the positions */
+    /* If TRUE, the lens model is that of the member `lens`. If FALSE, the model is chosen by
+     * cross-validation for photographs, and is that of the rig file for a rig. */
     gboolean lens_given;
     enum rig_lens lens;
     CamerasGuess guess; /* only for photographs; may be NULL */

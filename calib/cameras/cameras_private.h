@@ -12,13 +12,13 @@ struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
     int width, height; /* px */
-    /* struct corner; NULL if no corners were found or if they were set aside; `why` has the
-     * reason */
+    /* The corners that were found (struct corner). NULL if none were found, or if they were set
+     * aside; `why` then has the reason. */
     GArray *corners;
     /* corners of a picture that was rejected because it contradicts the others */
     GArray *set_aside;
-    /* "picture: reason" why the picture is not used. It has no meaning while corners is not
-     * NULL. */
+    /* The text "picture: reason", which says why the picture is not used. It has no meaning while
+     * `corners` is not NULL. */
     char *why;
     gboolean coloured; /* the camera has a colour filter */
 };
@@ -129,7 +129,8 @@ gboolean cameras_solve(struct cameras_work *work, GError **error);
  * Returns FALSE at once if the residual is small. If no mistake is found, the function repeats
  * the fit without a correction, sets unexplained_px (to 0 unless fitted), and returns FALSE. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
-/* Refuses a result in which a camera stands at the place of another camera. */
+/* Returns FALSE with an error if a camera stands near the place that the rig file gives for another
+ * camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
 /* cameras_check.c: returns FALSE with an error if a camera has too few pictures and is not

@@ -60,7 +60,8 @@ GArray *corner_fit_all(const struct picture *picture, const struct board *board,
  * the picture. */
 struct corner_lateral {
     double centre_px[2];
-    double larger[2]; /* the present estimate: relative excess of the magnification */
+    /* the present estimate, for red and blue: magnification divided by that of green, minus 1 */
+    double larger[2];
     /* sums of the normal equations: normal · (change of the estimate) = right */
     double normal[2][2], right[2];
 };

@@ -23,9 +23,10 @@ void drive_clear(struct drive *drive);
 int drive_angle(struct drive *drive, double angle_rad);
 
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,
- * Dempster, Laird and Rubin 1977). The priors have the mean 0 and the standard deviations sigma,
- * one for each parameter. The function writes the standard deviations of the drives' errors into
- * sigma. The drives' sigma_rad are set. x, ret and the return value are as parameters, ret and the
- * return value of fit_solve(). */
+ * Dempster, Laird and Rubin 1977). `sigma` has one value for each parameter: the standard deviation
+ * of the parameter's prior, whose mean is 0. The priors that `fit` has are not used. The function
+ * writes the estimated sigma_rad into the drives, and into the elements of `sigma` that belong to
+ * the drives. x has the parameters, like `parameters` of fit_solve(). ret and the return value are
+ * as for fit_solve(). */
 gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
                    double *x, struct fit_result *ret);

@@ -29,10 +29,10 @@ void fields_write(GString *text, const struct field *fields, gconstpointer from)
 /* Appends one line "key=value", with the value escaped for GKeyFile. */
 void fields_write_string(GString *text, const char *key, const char *value);
 
-/* Reads a group into the struct `to`. Every field that is not optional must exist, be finite and
- * within its bounds. Every key of the group must be a field, or a name in the array others, which
- * ends with NULL. Errors are RIG_ERROR_VALUE with path, group and key. On failure `to` may be
- * partly set. */
+/* Reads a group into the struct `to`. Every field that is not optional must exist. Every value must
+ * be finite and within the bounds of its field. Every key of the group must be the name of a field,
+ * or be in the array `others`, which ends with NULL. Errors are RIG_ERROR_VALUE with path, group
+ * and key. On failure `to` may be partly set. */
 gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);
@@ -40,6 +40,6 @@ gboolean fields_read(GKeyFile *file, const char *path, const char *group,
  * missing, or the string is empty or longer. */
 gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, const char *key,
                           char *to, gsize size, GError **error);
-/* Sets the error RIG_ERROR_VALUE, "path: [group] key: why". Always returns FALSE. */
+/* Sets the error RIG_ERROR_VALUE with the text "PATH: [GROUP] KEY: WHY". Always returns FALSE. */
 gboolean fields_refuse(const char *path, const char *group, const char *key, GError **error,
                        const char *why);

@@ -157,8 +157,9 @@ struct rig {
     double arc_width_mm;  /* width of arc and lamps, which may hide a part of a picture */
 };
 
-/* Return the index of the first stop of a camera's device, and of a lamp's device. Cameras (or
- * lamps) with the same index are stops of one device. */
+/* rig_camera_unit() returns the index of the first stop of the device to which a camera belongs.
+ * rig_lamp_unit() does the same for a lamp. Cameras (or lamps) with the same result are stops of
+ * one device. */
 static inline int rig_camera_unit(const struct rig *rig, int camera) {
     return camera - rig->cameras[camera].stop;
 }
@@ -170,7 +171,8 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
  * the arm carries must have the same angle. If the arm carries no camera of the set, the arm stands
  * at the first stop of the rig. Returns 0 if there is no arm. */
 double rig_arm_deg(const struct rig *rig, struct camera_set cameras);
-/* Returns the angle of the probe while a lamp is lit, in the same way as rig_arm_deg(). lamp is −1
+/* Returns the angle of the light probe while a lamp is lit: that of the lamp if the probe carries
+ * it, and otherwise that of the first stop of the rig. Returns 0 if there is no probe. lamp is −1
  * if no lamp is used. */
 double rig_probe_deg(const struct rig *rig, int lamp);
 
@@ -192,8 +194,8 @@ char *rig_to_text(const struct rig *rig);
  * if it is NULL). On failure rig is not changed. */
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
 
-/* Places a camera at a point so that it looks at another point. The picture is upright: its x axis
- * is horizontal. */
+/* Places a camera at eye_mm so that it looks at target_mm, both in the rig frame. The picture is
+ * upright: its x axis is horizontal. */
 void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm);
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
@@ -217,7 +219,8 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
  * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* rig_rotate(rig_rotation(a), v) is rig_turn(v, a), for many points at the same angle. */
+/* rig_rotate(rig_rotation(a), v) has the same result as rig_turn(v, a). It saves time if many
+ * points are rotated by the same angle, because rig_rotation() is then called only once. */
 struct rig_rotation {
     double cosine, sine;
 };
@@ -242,7 +245,8 @@ void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
 /* Rotates a point or direction by a tilt: to W v if sign is 1, and to W⁻¹ v if sign is −1. */
 struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign);
 
-/* Converts a point from the sample frame to the rig frame, with wobble. */
+/* Converts a point from the sample frame to the rig frame. The wobble of the turntable is taken
+ * into account. */
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm);
 
 /* rig_arc_point() and rig_arc_direction() transform from the arc's frame at the angle arc_rad to
@@ -282,8 +286,8 @@ struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *la
 struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad);
 
-/* The sheet of light without its bend: the points p of the rig frame with normal · p =
- * offset_mm. */
+/* A plane: the points p of the rig frame with normal · p = offset_mm. rig_laser_sheet() returns the
+ * plane of a laser's sheet of light, without the bend of the sheet. */
 struct rig_plane {
     struct vec3 normal; /* unit */
     double offset_mm;
@@ -341,24 +345,25 @@ struct rig_sheet_errors {
     double covariance[RIG_SHEET_PARAMETERS][RIG_SHEET_PARAMETERS];
 };
 
-/* Computes the lever: the displacement of the sheet at a point, in mm per unit of each
- * parameter. */
+/* Both functions compute the lever: the displacement of the sheet at a point, in mm per unit of
+ * each parameter. rig_laser_pose_lever() does so for a struct rig_laser_pose. */
 void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]);
 
 void rig_laser_pose_lever(const struct rig_laser_pose *pose, struct vec3 point_mm,
                           double ret[RIG_SHEET_PARAMETERS]);
 
-/* Returns the standard deviation of the displacement, √(jᵀ C j) with the lever j. */
+/* Returns the standard deviation, in mm, of the displacement of the sheet at a point: √(jᵀ C j)
+ * with the lever j and the covariance C. */
 double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
                                 double arc_rad, const struct rig_sheet_errors *errors,
                                 struct vec3 point_mm);
 
-/* Returns the free width between the light arc and the cone of sight from a camera to a disc of
- * radius_mm around the origin. This width is negative if the arc stands in the way. The arc is a
- * band with the radius arc_radius_mm in the vertical plane of azimuth α, from the zenith down to
- * the horizon at α (a quarter circle). Returns G_MAXDOUBLE if no part of the arc can be in the
- * way. */
+/* Returns the free width, in mm, between the light arc and the cone of sight from a camera to a
+ * disc of radius_mm around the origin. This width is negative if the arc stands in the way. With α
+ * = arc_rad, the arc is a band with the radius arc_radius_mm in the vertical plane of azimuth α. It
+ * is a quarter circle, from the zenith down to the horizon at azimuth α. Returns G_MAXDOUBLE if no
+ * part of the arc can be in the way. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
 
 /* Convert between a direction and its spherical angles: θ from +z in [0, π], and φ from +x,

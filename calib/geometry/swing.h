@@ -12,7 +12,7 @@
 
 #include "rig.h"
 
-/* Return a point or a direction after the swing has turned by a further angle. */
+/* These functions return a point, or a direction, after the swing has turned by a further angle. */
 struct vec3 rig_swing_point(const struct rig_swing *swing, double angle_rad, struct vec3 point_mm);
 struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
                                 struct vec3 direction);

@@ -34,15 +34,17 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    double xx_px2, double xy_px2, double yy_px2,
                                    struct vec3 *ret_from, struct vec3 *ret, double *ret_shift_rad);
 
-/* Computes the point of the plate below a ball that the picture shows at x_px, y_px, in radii of
- * the ball. The ball lies on the plate, and the camera looks at right angles on the plate. With a
- * focal length, the point is relative to the camera, otherwise to the middle of the ball. Returns
+/* Computes a point of the plate on which the ball lies, from the place x_px, y_px of this point in
+ * the picture. The camera must look at right angles onto the plate. *ret is in radii of the ball.
+ * With a focal length, *ret is relative to the camera, otherwise to the middle of the ball. Returns
  * FALSE if the ball's outline is too large for the focal length. */
 gboolean ball_light_plate(const struct ball_camera *camera, const struct ball_outline *ball,
                           double x_px, double y_px, struct vec3 *ret);
 
-/* Computes the point where the ray that begins at `from` meets the sphere of the given radius
- * around `middle`. The lamp is on this sphere. Returns FALSE if `from` is outside of the sphere. */
+/* Computes the point at which a ray meets the sphere with the given radius around `middle`. The ray
+ * begins at `from`, inside the sphere, and has the unit vector `direction`. If the lamps stand on
+ * the sphere, the point is the position of the lamp. Returns FALSE if `from` is not inside the
+ * sphere. */
 gboolean ball_light_on_sphere(struct vec3 from, struct vec3 direction, struct vec3 middle,
                               double radius, struct vec3 *ret);
 
@@ -68,7 +70,7 @@ struct ball_light {
     /* If placed: the position of the light, and the standard deviation of each coordinate, in
      * radii. */
     struct vec3 place, place_error;
-    double miss;                       /* RMS distance of the rays from the position, in radii */
+    double miss;                       /* if placed: RMS distance of the rays from `place`, radii */
     gboolean left_out[BALL_LIGHT_MAX]; /* the ray contradicts the majority */
     /* angle between each ray and the direction that the result predicts for its ball */
     double off_rad[BALL_LIGHT_MAX];

@@ -3,9 +3,10 @@
  * target shows either the shadows of posts on a plate (Bouguet and Perona 1998), or the lamps'
  * mirror images in glossy balls.
  *
- * The part of the plate that a post hides from a camera is a shadow whose lamp is the camera. The
- * position of this lamp is known, so that it locates the post. From shadows only, a wider plate and
- * nearer lamps look nearly the same.
+ * The part of the plate that a post hides from a camera counts as a shadow whose lamp is the
+ * camera. The position of this lamp is known, so that the shadow locates the post. The shadows of
+ * the lamps alone would not do. Lamps that are nearer shift the ends of the shadows in nearly the
+ * same way as posts that stand farther apart.
  *
  * A post's shadow ends where the ray from the lamp over its top meets the plate. A ball shows the
  * lamp where its normal bisects the angle between camera and lamp. All sights of all lamps, at all
@@ -102,8 +103,9 @@ struct lamps_result {
     /* standard errors of these sizes; 0 for marks that were not seen */
     double size_error_mm[LAMP_MAX_MARKS];
     double rms;   /* RMS residual of the used sights: mm on the plate, or px */
-    double sigma; /* RMS residual over its expected standard deviation */
-    /* standard deviations of the angle errors: of the turntable, and of the arc (drive_rad) */
+    double sigma; /* RMS residual divided by its expected standard deviation */
+    /* standard deviation of the angle errors of the turntable (turntable_rad) and of the arc
+     * (drive_rad) */
     double turntable_rad, drive_rad;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per sight; owned */

@@ -22,8 +22,8 @@ void plate_map_free(struct plate_map *map); /* NULL is ignored */
 
 typedef struct ShadowView ShadowView;
 
-/* Makes a view. map is borrowed and must live as long as the view. rig is copied; its lamps and arc
- * are as known so far. */
+/* Makes a view. `map` is not copied and must live as long as the view. `rig` is copied. Its lamps
+ * and its arc have the positions that are known so far, nominal or estimated. */
 ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_rad,
                             const struct lamp_target *target, const struct plate_map *map);
 void shadow_view_free(ShadowView *view); /* NULL is ignored */
@@ -53,7 +53,7 @@ double shadows_score(ShadowView *const *views, int n, const struct lamp_target *
 /* Appends a struct lamp_sight for each shadow that was found. For each shadow that should be
  * visible but was not found, appends a text with the picture and the reason to rejected. Also
  * measures the posts themselves, once in the view, if a lamp is high above the plate
- * (lamp_sight.lamp is then −1). If near is TRUE, posts and lamps have been adjusted before, so that
- * the shadows are close to their prediction. */
+ * (lamp_sight.lamp is then −1). `near` is TRUE if posts and lamps have been adjusted before. The
+ * shadows are then close to their prediction. */
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected);

@@ -31,8 +31,8 @@ struct laser_point {
     double arc_rad, sweep_rad; /* commanded angles of arc and sweep */
     struct vec3 point_mm;      /* rig frame */
     double sigma_mm; /* assumed standard deviation of the point's distance from the sheet */
-    /* Derivatives of the point's position (mm) with respect to the camera's offset (px): x by
-     * across, x by down, y by across, y by down. */
+    /* Derivatives of the point's x and y (mm) with respect to an offset of the camera's picture to
+     * the right and down (px): ∂x/∂right, ∂x/∂down, ∂y/∂right, ∂y/∂down. */
     float shift[4];
     float noise_mm; /* standard deviation that camera noise alone causes; 0 if not known */
     float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0 if not known */
@@ -49,15 +49,16 @@ struct laser_step { /* deviation of one step of one sweep from the model */
 struct laser_result {
     struct rig rig; /* the rig with the estimated lasers and axis of the arc */
     gboolean seen[RIG_MAX_LASERS];
-    /* Standard errors of the source's position across the axis, of the axis, and of the sweep's
-     * zero and stretch. The position along the axis is undetermined. */
+    /* Standard errors. source_error_mm: position of the source across the axis; the position along
+     * the axis is undetermined. axis_error_rad: direction of the axis. zero_error_rad and
+     * stretch_error: zero and stretch of the sweep. */
     double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
     /* standard error of the bend, also if the bend is not significant */
     double bend_error_rad[RIG_MAX_LASERS];
-    /* One flag each for position, axis, zero and stretch. It is TRUE if more than a quarter of the
-     * variance comes from the prior of the arc's axis instead of the measurement. */
+    /* Flags for position [0], axis [1], zero [2] and stretch [3]. A flag is TRUE if more than a
+     * quarter of the variance comes from the prior of the arc's axis instead of the measurement. */
     gboolean from_prior[RIG_MAX_LASERS][4];
     /* Errors of the sheets. They include the part of the RMS residual that noise does not
      * explain. */
@@ -89,18 +90,19 @@ struct laser_arc {
     double tilt_rad, centre_mm;
 };
 
-/* Estimates lasers and arc. rig has calibrated cameras, and nominal lasers and arc. sweep_names has
- * the names of the points' sweeps, for messages. If another height of one plane explains the lines
- * three times better, the error is LASER_ERROR_MISTAKE and names the height. Call
- * laser_result_clear() after success. */
+/* Estimates lasers and arc. `rig` has calibrated cameras, and nominal lasers and arc. `arc` is the
+ * prior of the arc's axis. sweep_names[i] is the name of the sweep whose number (laser_point.sweep)
+ * is i, for messages. If another height of one plane explains the lines three times better, the
+ * error is LASER_ERROR_MISTAKE and names the height. Call laser_result_clear() after success. */
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error);
-/* Looks for a mistake in the description of the sweeps: the arc turns the other way, its angles are
- * in radians, or two lasers or two planes are exchanged. Returns FALSE with an error if the sweeps
- * agree with the rig file at least five times better without one of these mistakes. laser_fit()
- * calls this function before its fit. After the fit, laser_fit() also compares the positions of the
- * lasers with the rig file, because only positions distinguish lasers at nearly the same angle. */
+/* Looks for one of these mistakes in the description of the sweeps: the arc turns the other way,
+ * the angles of the arc are in radians, or two lasers or two planes are exchanged. Returns FALSE
+ * with an error if the sweeps agree with the rig file at least five times better when one of these
+ * mistakes is corrected. laser_fit() calls this function before its fit. After the fit, laser_fit()
+ * also compares the positions of the lasers with the rig file, because only positions distinguish
+ * lasers at nearly the same angle. */
 gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);

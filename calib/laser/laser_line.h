@@ -33,18 +33,20 @@ gboolean laser_pose_fit(const struct rig_camera *camera, const struct board *boa
 gboolean laser_board_point(const struct rig_camera *camera, const struct laser_pose *pose,
                            double x_px, double y_px, double ret_mm[2]);
 
-/* Computes from linear R, G, B (n × 3) how strongly the laser may have lit each pixel, and the
- * print's reflectance there in an arbitrary unit. dark is a photograph of the same scene without
- * the laser, or NULL. If dark is given, the strength is the largest of the three colours'
- * differences from dark, and the reflectance is the mean colour of dark. Otherwise colour is the
- * laser's colour, 0 … 2. The mean of the other two colours is then the reflectance, and is
- * subtracted from the laser's colour. colour −1 stands for grey pictures: the strength is the mean
- * of R, G and B, and the reflectance is NAN.
+/* Computes two values for each of n pixels, from linear R, G, B (n × 3): how strongly the laser may
+ * have lit the pixel, and the print's reflectance there in an arbitrary unit. `dark` is a
+ * photograph of the same scene without the laser, or NULL. There are three cases:
+ * - With `dark`, the strength is the largest of the three colours' differences from `dark`, and the
+ *   reflectance is the mean colour of `dark`.
+ * - Without `dark`, `colour` is the laser's colour, 0 … 2. The reflectance is the mean of the other
+ *   two colours, and the strength is the laser's colour minus this mean.
+ * - If `dark` is NULL and `colour` is −1, for grey pictures, the strength is the mean of R, G and
+ *   B, and the reflectance is NAN.
  */
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);
-/* Returns the colour in which the brightest pixels of a photograph differ most from grey. Returns
- * −1 if no colour differs, or if dark is given. */
+/* Returns the colour (0 … 2) in which the brightest pixels of a photograph differ most from grey.
+ * Returns −1 if no colour differs, or if `dark` is not NULL. */
 int laser_colour(const float *rgb, const float *dark, gsize n);
 
 struct laser_dot { /* a point of the middle of the line */

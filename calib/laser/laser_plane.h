@@ -26,8 +26,8 @@ enum laser_plane_error {
     /* There are too few photographs, the line or the board in one of them cannot be measured, the
      * photographs contradict each other, or the errors of the camera are too large. */
     LASER_PLANE_ERROR_PICTURES,
-    /* The lines in the photographs determine no plane. Or they determine one whose tilt has a
-     * standard error above 1°. */
+    /* The lines in the photographs determine no plane, or the tilt of the plane has a standard
+     * error above 1°. */
     LASER_PLANE_ERROR_DEGENERATE,
 };
 
@@ -45,7 +45,8 @@ struct laser_plane {
     double offset_error_mm;  /* standard error of the plane at point_mm */
     /* standard error of the normal, in the direction in which it is largest */
     double tilt_error_rad;
-    /* RMS distance of the lines from the plane: as measured, and as expected from their errors */
+    /* RMS distance of the lines from the plane. rms_mm: as measured. expected_rms_mm: as expected
+     * from the errors of the lines. */
     double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
     /* used: number of photographs that were used. dots: number of dots in these photographs. */
@@ -55,9 +56,9 @@ struct laser_plane {
     gboolean *left_out; /* one flag per photograph */
 };
 
-/* Fits the plane. errors are the errors of the camera. If errors is NULL, or errors->known is
- * FALSE, the camera counts as exact. Returns NULL with a LASER_PLANE_ERROR if the plane is refused:
- * also if at most half of the photographs are used. */
+/* Fits the plane. `errors` has the errors of the camera's parameters. If `errors` is NULL, or
+ * errors->known is FALSE, the camera counts as exact. Returns NULL with a LASER_PLANE_ERROR if the
+ * plane is refused. A plane is also refused if it uses at most half of the photographs. */
 struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
                                     const struct calibration_camera *errors,
                                     const struct board *board,

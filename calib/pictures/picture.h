@@ -29,7 +29,7 @@ void picture_free(struct picture *picture); /* NULL is ignored */
 typedef struct picture Picture;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
 
-/* Gives the light of each 8-bit sRGB code (IEC 61966-2-1), 0 … 1. */
+/* Gives a table of the light of each 8-bit sRGB number (IEC 61966-2-1), from 0 to 1. */
 void picture_srgb(float ret[256]);
 
 /* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"). Each colour is scaled

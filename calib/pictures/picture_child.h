@@ -14,20 +14,20 @@ G_BEGIN_DECLS
 /* A file for a program to read. */
 struct picture_job {
     const char *program; /* "mesorig-read-raw" or "mesorig-read-video" */
-    const char *path;    /* for messages; at this path there may be another file by now */
+    const char *path;    /* for messages; it may name another file by now */
     int fd;              /* the file, open for reading */
     guint64 length;      /* bytes of the file */
     int most;            /* largest number of frames of a video to keep; 0 for a raw file */
 };
 
-/* Called when the program calls picture_child_tell(): done of n steps are finished. If this
+/* Called when the program calls picture_child_tell(). Of n steps, `done` are finished. If this
  * function returns FALSE with an error, the program is killed. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
-/* Runs the program and returns what it has written. Returns NULL with the error of the program or
- * of told, with another error if the program cannot be started, or with PICTURE_FILE_ERROR_IO if it
- * has crashed or has ended without a result. library is the name of the library that reads the
- * file, for messages. `told` may be NULL. */
+/* Runs the program and returns what it has written. `library` is the name of the library that reads
+ * the file, for messages. `told` may be NULL. Returns NULL with an error on failure: with the error
+ * of the program or of `told`, with PICTURE_FILE_ERROR_IO if the program has crashed or has ended
+ * without a result, or with another error if the program cannot be started. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 
@@ -45,7 +45,7 @@ typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **err
 /* Appends n bytes to the result. Returns FALSE, without an error, if there is too little memory for
  * the bytes. The PictureChildFunc must then return FALSE. */
 gboolean picture_child_write(gconstpointer bytes, gsize n);
-/* Reports to the caller of picture_child_run() that done of n steps are finished. */
+/* Reports to the caller of picture_child_run() that `done` of n steps are finished. */
 void picture_child_tell(int done, int n);
 
 /* Takes the arguments of picture_child_run(), and runs func with at most cpu_s seconds of processor

@@ -8,9 +8,10 @@
 
 G_BEGIN_DECLS
 
-/* Returns FALSE with an error if the file is none of these formats, or larger than
- * input_file_check_pixels() allows. A TIFF with more than 16 bits per value may have only half as
- * many pixels. Other errors in a header are left to the decoder. */
+/* Returns TRUE if the size is allowed. Returns FALSE with an error if the file has none of these
+ * formats, or if the picture is larger than input_file_check_pixels() allows. A TIFF with more than
+ * 16 bits per value may have only half as many pixels. Other errors in a header are left to the
+ * decoder. */
 gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error);
 
 G_END_DECLS

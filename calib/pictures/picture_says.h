@@ -40,8 +40,9 @@ struct picture_says {
      * from the EXIF tag of this time or, if there is none, from the date among the file's TIFF
      * tags. It is 0 if neither is given, or if the tag that is used has no valid time. */
     gint64 taken_us;
-    /* The focal length of the lens, and the pixels per mm of the sensor in a picture whose longer
-     * side has full_px pixels. 0 if not given. full_px may be 0 although pixels_per_mm is given. */
+    /* focal_mm: focal length of the lens. pixels_per_mm: number of pixels per mm of the sensor, in
+     * a picture whose longer side has full_px pixels. Each is 0 if it is not given. full_px may be
+     * 0 although pixels_per_mm is given. */
     double focal_mm, pixels_per_mm, full_px;
     double film_mm; /* focal length that gives the same picture on 35 mm film; 0 if not given */
 };
@@ -58,15 +59,15 @@ void picture_says_clear(struct picture_says *says);
 double picture_says_focal_px(const struct picture_says *says, int width, int height,
                              char **ret_said);
 
-/* Reads what the file at path says, in the same way. If the file cannot be read, all statements
- * count as missing. Call picture_says_clear() afterwards. */
+/* Reads what the file at `path` says, like picture_says_read(). If the file cannot be read, all
+ * statements count as missing. Call picture_says_clear() afterwards. */
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
-/* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted
- * (PICTURE_TONES_LINEAR or PICTURE_TONES_SRGB) is used unless it is PICTURE_TONES_UNSAID. Otherwise
- * the curve of the file is used. If the file gives no curve, 8 bits are taken as sRGB, and other
- * numbers as linear. The result may point into said. Returns NULL with PICTURE_FILE_ERROR_FAILED if
- * the file gives a curve that is not supported. */
+/* Chooses the tone curve for numbers of 8 or 16 bits, or for floating-point numbers if bits is 0.
+ * The curve `wanted` (PICTURE_TONES_LINEAR or PICTURE_TONES_SRGB) is used unless `wanted` is
+ * PICTURE_TONES_UNSAID. Otherwise `said`, the curve of the file, is used. If the file gives no
+ * curve, 8 bits are taken as sRGB, and other numbers as linear. The result may be `said` itself.
+ * Returns NULL with PICTURE_FILE_ERROR_FAILED if the file gives a curve that is not supported. */
 const struct picture_tone *picture_tone_choose(const struct picture_tone *said, int bits,
                                                enum picture_tones wanted, const char *path,
                                                GError **error);

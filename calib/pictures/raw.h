@@ -32,7 +32,7 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
 struct picture *raw_read_grey(const char *path, GError **error);
 
 /* A raw_head is the first part of what the separate program writes for raw_read(). The values of
- * the picture follow it. */
+ * the picture follow it. `sum` is the checksum of struct picture. */
 struct raw_head {
     int width, height;
     char cfa[RAW_CFA], sum[65];

@@ -27,14 +27,16 @@ typedef struct video {
     GArray *frames; /* of struct video_frame, in order */
 } Video;
 
-/* Called after each frame. n is the number of frames that the file states, which may be wrong, but
- * at least done. Returns FALSE with an error to end the reading. */
+/* Called after each frame. `done` is the number of frames that were read. n is the number of frames
+ * that the file states, or `done` if that is larger. The stated number may be wrong. Returns FALSE
+ * with an error to end the reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG). Its first
  * bytes must show one of these formats, so that FFmpeg does not open other files. At least most / 2
- * + 1 and at most `most` frames are kept. Of a shorter video, all frames are kept. Fewer are kept
- * if the frames are so large that they would need too much memory. A `most` below 2 counts as 2.
+ * + 1 and at most `most` frames are kept. There are two exceptions: of a shorter video, all frames
+ * are kept; and fewer frames are kept if they would need too much memory. A `most` below 2 counts
+ * as 2.
  * Returns NULL with INPUT_FILE_ERROR, an error of picture_child_run(), PICTURE_FILE_ERROR_IO if the
  * result of the program is incomplete, or the error of progress; progress may be NULL. A rotation
  * in the file is ignored: pixels stay as on the sensor. */

@@ -57,8 +57,8 @@ struct fiducial_fit {
     int n_seen;
 };
 
-/* Estimates a fiducial from those of the n sightings that show this fiducial. Cameras and turntable
- * are taken as correct. If cameras and turntable are not calibrated, set place to FALSE; the
+/* Estimates a fiducial. Of the n sightings, only those of this fiducial are used. The positions of
+ * cameras and turntable are taken as correct. If they are not calibrated, set `place` to FALSE. The
  * fiducial then keeps its position. Returns FALSE if there are too few sightings. */
 gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
                        gboolean place, struct fiducial_fit *ret);
@@ -83,15 +83,18 @@ struct fiducials_moved {
     gboolean turntable; /* it slipped */
 };
 struct fiducials_moved fiducials_moved(const struct rig *rig, const struct fiducials_check *check);
-/* Return what is in a and in b, what is in a but not in b, and what is in a or in b. */
+/* fiducials_moved_both() returns what is in a and in b. fiducials_moved_without() returns what is
+ * in a but not in b. fiducials_moved_union() returns what is in a, in b or in both.
+ * fiducials_moved_any() returns whether anything has moved. */
 struct fiducials_moved fiducials_moved_both(struct fiducials_moved a, struct fiducials_moved b);
 struct fiducials_moved fiducials_moved_without(struct fiducials_moved a, struct fiducials_moved b);
 struct fiducials_moved fiducials_moved_union(struct fiducials_moved a, struct fiducials_moved b);
 gboolean fiducials_moved_any(struct fiducials_moved moved);
 
-/* Compares n sightings with the calibration. systematic_px is the error of a good calibration; the
- * square of systematic_px is added to the squared standard errors. Only angles that exceed both
- * least_deg and four standard errors are reported. */
+/* Compares n sightings with the calibration. systematic_px is the error that remains after a good
+ * calibration. Its square is added to the square of each standard error. An angle in *ret is
+ * reported as a motion (`slipped` or `moved`) only if it exceeds both least_deg and four of its
+ * standard errors. */
 void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
                      double systematic_px, double least_deg, struct fiducials_check *ret);
 

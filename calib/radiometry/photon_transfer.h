@@ -39,8 +39,9 @@ GQuark transfer_error_quark(void);
 enum transfer_error {
     TRANSFER_ERROR_TOO_FEW, /* there are too few pairs or exposures */
     TRANSFER_ERROR_RANGE,   /* the pictures are too dark, too bright, or all equal */
-    TRANSFER_ERROR_DATA, /* a pixel is not finite, or both pictures of a pair are the same picture
-                            or differ in brightness */
+    /* A pixel is not finite. Or the two pictures of a pair are identical, or differ in
+     * brightness. */
+    TRANSFER_ERROR_DATA,
 };
 
 /* Computes the result from dark pairs at two or more exposures and lit pairs at three or more

@@ -31,9 +31,10 @@ struct radiometry_camera {
     double flat[RADIOMETRY_FLAT];
     double response_error;                               /* standard error of ln(response) */
     double colour_error[3], flat_error[RADIOMETRY_FLAT]; /* standard errors */
-    /* Veiling glare is light that is added everywhere. It is given as a share of the mean light
-     * behind the same filter. If the glare is not known, glare is 0, and glare_error is 0 or the
-     * ret_error of glare_fit(). */
+    /* Veiling glare is light that is added everywhere. `glare` is the veiling glare as a share of
+     * the mean light behind the same filter, and glare_error is the standard error of `glare`. If
+     * the glare is not known, `glare` is 0, and glare_error is 0 or the *ret_error of
+     * glare_fit(). */
     double glare, glare_error;
     double excess; /* relative RMS of the tile's residuals that noise does not explain */
     /* number of cells of the tile that were used */
@@ -46,8 +47,9 @@ struct radiometry_lamp {
     double colour[3];       /* intensity behind R, G, B filters, relative to rig_lamp.intensity */
     double intensity_error; /* standard error of ln(intensity) */
     double exponent_error, aim_error_rad, colour_error[3];
-    /* Relative standard deviations, without measurement errors: of the output from one shot to the
-     * next, and of the output between the pictures of different cameras in a shot. */
+    /* Relative standard deviations of the lamp's output, without measurement errors. `flicker` is
+     * that from one shot to the next. frame_flicker is that between the pictures of different
+     * cameras in one shot. */
     double flicker, frame_flicker;
     /* number of shots of the tile under this lamp */
     int shots;
@@ -137,8 +139,8 @@ struct tile_fit {
     struct radiometry_lamp lamps[RIG_MAX_LAMPS];
     double residual; /* relative RMS of the residuals */
     double expected; /* relative RMS of the residuals that the noise of the cells explains */
-    /* RMS over the lamps: difference between the found and the nominal exponent, and angle between
-     * the found and the nominal aim. */
+    /* RMS over the lamps. exponent_off: difference between the found and the nominal exponent.
+     * aim_off_rad: angle between the found and the nominal aim. */
     double exponent_off, aim_off_rad;
     double quality; /* χ² per degree of freedom; 1 if model and noise are right */
     int degrees;    /* degrees of freedom */
@@ -151,11 +153,13 @@ struct tile_fit {
 void tile_fit_clear(struct tile_fit *fit);
 
 /* Fits all parameters. Sets the response of the rig's cameras, and the intensity, exponent and aim
- * of its lamps. Returns FALSE with an error if the result is refused; rig is then not changed. Call
- * tile_fit_clear() after success. The geometry is taken as correct. If the arc turns between the
- * shots, each lamp on the arc that has shots needs one at an arc angle at least 30° from that of
- * its first shot. If the arc never turns, some lamp with a shot must instead stand at an azimuth at
- * least 30° from that of the first shot's lamp. Otherwise the error is
- * RADIOMETRY_ERROR_TOO_FEW. */
+ * of its lamps. The geometry is taken as correct. Call tile_fit_clear() after success. Returns
+ * FALSE with an error if the result is refused; rig is then not changed.
+ *
+ * The error is RADIOMETRY_ERROR_TOO_FEW if the shots light the tile from one side only. If the arc
+ * turns between the shots, each lamp on the arc that has shots must have one whose arc angle
+ * differs by 30° or more from that of its first shot. If the arc does not turn, there must be a
+ * shot whose lamp stands at an azimuth that differs by 30° or more from that of the first shot's
+ * lamp. */
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
                   const struct tile_cell *cells, int n_cells, struct tile_fit *ret, GError **error);
