@@ -37,7 +37,7 @@ struct btf_light {
     double theta_deg, phi_deg;
     const struct rig_arc *arc; /* arc and lamp are borrowed */
     const struct rig_lamp *lamp;
-    /* NULL for a missing light; not `known` if the lamp is not calibrated */
+    /* NULL for a missing light; its member `known` is FALSE if the lamp is not calibrated */
     const struct radiometry_lamp *radiometry;
     double arc_rad;
     double turntable_rad; /* angle in the middle of the exposure; for a missing light, the angle of
@@ -53,7 +53,7 @@ struct btf_view {
     int index; /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     const struct rig_camera *camera; /* camera, radiometry and noise are borrowed */
-    /* NULL or not `known` if the camera is not calibrated */
+    /* NULL, or its member `known` is FALSE, if the camera is not calibrated */
     const struct radiometry_camera *radiometry;
     /* noise of the camera; NULL if it is unknown, so that the errors of all values are unknown */
     const struct transfer *noise;
@@ -62,8 +62,8 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
-    /* Number of missing lights, including lights that were left out. Without the lights that were
-     * left out, it is at most the share BTF_MAX_MISSING of all lights. */
+    /* Number of missing lights, including lights that were left out. The number of missing lights
+     * that were not left out is at most BTF_MAX_MISSING times the number of all lights. */
     int n_missing;
     /* Hash of all that the file is made from: versions of program and method, calibration, grid,
      * view, and the frames and outputs of the lights. See btf_is_made(). */
@@ -102,10 +102,10 @@ void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
  * inputs of the view. Reads only headers. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
-/* Reads from a view's file the pictures of the lights with the indices in lights. ret_rgb: n_lights
- * × height × width × 3 (R, G, B). n_threads threads decode the pictures; 0 means one per processor.
- * Fails if the file cannot be read, if a light has no part, or if a part lacks a colour or differs
- * from the grid in size. The indices in lights must differ from each other. */
+/* Reads from a view's file the pictures of the lights whose indices are in `lights` (n_lights). The
+ * indices must differ from each other. ret_rgb: n_lights × height × width × 3 (R, G, B). n_threads
+ * threads decode the pictures; 0 means one per processor. Fails if the file cannot be read, if a
+ * light has no part, or if a part lacks a colour or differs from the grid in size. */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, int n_threads, float *ret_rgb,
                        GError **error);

@@ -77,8 +77,12 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout);
  * hole. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
-/* Functions of the scratch file of btf_matrix_read_within(). The file holds n_views × n_texels ×
- * row half floats, row being n_lights × 3. */
+/* The scratch file of btf_matrix_read_within(). The file holds n_views × n_texels × `row` half
+ * floats, where `row` is n_lights × 3. btf_scratch_new() makes the file, without a name, in
+ * `folder`. btf_scratch_write() writes all texels of a view: `values` has n_texels × `row` floats.
+ * btf_scratch_read() reads texels first … first + n − 1 of a view: `ret` gets n × `row` floats.
+ * btf_scratch_place_rows() reads these texels to the rows of `ret` with the numbers in `indices`,
+ * as btf_matrix_place_rows() does. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */

@@ -7,7 +7,7 @@
 #include "btf.h"
 
 /* Returns the weights (n_lights) with which the pictures of all lights are summed to the picture of
- * light i. taken (n_lights) has the part of each light, or NULL if the light is missing. Returns
+ * light i. `taken` (n_lights) has the part of each light, or NULL if the light is missing. Returns
  * NULL if no light was captured; g_free(). */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i);
 
@@ -16,7 +16,8 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
 void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
                        gsize n, guint8 *ret_flags);
 
-/* Adds the parts in taken, weighted by weights, to the channels B, G and R of a part, which must be
- * 0 before. Texels that are holes in flags, and negative sums, become 0. */
+/* Adds the parts in `taken`, multiplied by their `weights`, to the channels B, G and R of `part`.
+ * The channels must be 0 before. A texel becomes 0 if `flags` marks it as a hole. Negative sums
+ * become 0. */
 void btf_missing_fill(const double *weights, struct exr_part *const *taken, guint n_lights,
                       const guint8 *flags, struct exr_part *part);

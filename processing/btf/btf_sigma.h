@@ -58,9 +58,9 @@ struct btf_exposures {
     /* DN/ms from which the longest exposure is saturated; 0 if no pixel is saturated in it */
     float shorter;
 };
-/* Reads the exposures. If the frame lacks the attribute mesorig.exposures_us, n is 0. The error is
- * DATA_ERROR_INVALID, with path, if the attribute does not hold 1 to BTF_SIGMA_EXPOSURES rising
- * numbers above 0. */
+/* Reads the exposures. If the frame lacks the attribute mesorig.exposures_us, or the attribute is
+ * empty, n is 0. The error is DATA_ERROR_INVALID, with path, if the attribute does not hold 1 to
+ * BTF_SIGMA_EXPOSURES rising numbers above 0. */
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error);
 

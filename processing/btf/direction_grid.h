@@ -38,7 +38,8 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
                             float ret_weight[4]);
 
 /* Returns the matrix (n_grid² × n) that maps values at the n directions to samples; g_free().
- * lights says whether the directions are lights, see above. The error is DATA_ERROR_INVALID if
+ * `lights` says whether the directions are lights. Below the lowest direction, values are then
+ * multiplied by the ratio of the cosines (see above). The error is DATA_ERROR_INVALID if
  * n_grid is out of bounds, if there are no directions or more than 4096, if a direction is not
  * finite or below the horizon, or if LAPACK cannot compute the smooth interpolant. */
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,

@@ -23,9 +23,10 @@
 
 typedef struct DirectionMesh DirectionMesh;
 
-/* Makes a mesh. Directions within ¼° of an earlier one (⅛° at the horizon) are left out, and also
- * the direction with the index skip if skip is not −1. lights says whether the directions are
- * lights. At least one direction must remain. */
+/* Makes a mesh. Directions within ¼° of an earlier one (⅛° at the horizon) are left out. If `skip`
+ * is not −1, the direction with the index `skip` is left out as well. At least one direction must
+ * remain. `lights` says whether the directions are lights; beyond the limit of extrapolation, the
+ * value then decreases with the cosine. */
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights);
 void direction_mesh_free(DirectionMesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
@@ -33,7 +34,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
 /* Gives the direction's point in the stereographic plane. */
 void direction_mesh_point(struct vec3 direction, double ret[2]);
 
-/* A guess lists the triangles that most likely contain a direction. They are searched first. */
+/* A guess lists the triangles that most likely contain a direction. These triangles are searched
+ * first. direction_mesh_guess() makes the guess for a direction. */
 #define DIRECTION_MESH_GUESSES 24
 struct direction_guess {
     int n, triangle[DIRECTION_MESH_GUESSES];

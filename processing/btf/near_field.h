@@ -21,7 +21,8 @@ struct near_field {
      * because lamps move in this frame with the turntable. If the turntable turned during a view's
      * pictures, the position of the camera is the mean over these pictures. camera_mm is NULL if
      * the files lack the positions of cameras; all texels are then seen from the nominal
-     * directions. lamp_mm is the same for lamps. */
+     * directions. lamp_mm is NULL if the files lack the positions of lamps; all texels are then lit
+     * from the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
     /* Unit vectors of the lamps' aims in the sample frame, and exponents n of their fall-off cos^n
      * away from the aim; as many as lamp_mm, and NULL if lamp_mm is. An exponent is 0 if the file

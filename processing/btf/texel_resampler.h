@@ -35,8 +35,8 @@ struct resampler {
     double *to_view_points, *to_light_points;
     /* guesses for the measured directions in to_views and to_lights */
     struct direction_guess *back_views, *back_lights;
-    /* left_views has one element for each measured view, whose mesh lacks this view; left_lights is
-     * the same for lights */
+    /* left_views has one element for each measured view, whose mesh lacks this view. left_lights
+     * has one element for each measured light, whose mesh lacks this light. */
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* texels with an index divisible by left_step take part in the leave-one-out
                       test */

@@ -20,7 +20,8 @@ Checkpoint *checkpoint_new(const char *path);
 void checkpoint_free(Checkpoint *checkpoint); /* The file stays. NULL is ignored. */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 
-/* For tests: sets the time between two saves. The default is 20 s. */
+/* For tests: sets the time between two saves. The default is 20 s. 0 means that a save is always
+ * due. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
 /* Reads the arrays of the file, if it exists, is not damaged and was written with the same inputs.
@@ -47,8 +48,9 @@ void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *
 void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* forgets an array, or all arrays
                                                                    if name is NULL */
 
-/* Writes the file. checkpoint_save() writes at once, checkpoint_save_if_due() only if the period
- * and twenty times the duration of the last save have passed. Nothing is written before
+/* Writes the file. checkpoint_save() writes at once. checkpoint_save_if_due() writes only if the
+ * time since the last save is at least the period of checkpoint_set_period(), and more than twenty
+ * times as long as that save took. Nothing is written before
  * checkpoint_begin(), or if no array is registered. Failures are ignored, because the computation
  * can continue without a checkpoint. */
 void checkpoint_save(Checkpoint *checkpoint);

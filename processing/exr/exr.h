@@ -19,7 +19,7 @@ enum exr_error {
     /* not an EXR, truncated, of an unsupported kind (deep, tiled), or with content that its reader
      * refuses */
     EXR_ERROR_FORMAT,
-    EXR_ERROR_TOO_LARGE, /* too many pixels for the file or for EXR_MAX_PIXELS, or for the memory */
+    EXR_ERROR_TOO_LARGE, /* more pixels than the file, EXR_MAX_PIXELS or the memory allow */
     /* a requested part, channel or attribute does not exist, or an attribute has another type */
     EXR_ERROR_MISSING,
     /* The disk is full, or the file too large for it. An existing file of that name stays as it
@@ -71,10 +71,13 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
 float *exr_part_plane(const struct exr_part *part, const char *channel);
 gboolean exr_all_finite(const float *values, gsize n);
 
+/* Set an attribute of a part. An attribute of the same name is replaced. */
 void exr_set_string(struct exr_part *part, const char *name, const char *value);
 void exr_set_int(struct exr_part *part, const char *name, int value);
 void exr_set_double(struct exr_part *part, const char *name, double value);
 void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, double z);
+/* Get the value of an attribute. A string is owned by the part. If the attribute is missing or has
+ * another type, return FALSE with EXR_ERROR_MISSING and leave the result unchanged. */
 gboolean exr_get_string(const struct exr_part *part, const char *name, const char **ret,
                         GError **error);
 gboolean exr_get_int(const struct exr_part *part, const char *name, int *ret, GError **error);

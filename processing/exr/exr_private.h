@@ -17,8 +17,8 @@ struct exr_scratch {
     size_t bytes[2];
 };
 
-/* Exchanges the buffers in scratch with those of an OpenEXR pipeline. To be called before the first
- * chunk of the pipeline, and again before the pipeline is destroyed. */
+/* Exchanges the buffers in `scratch` with those of an OpenEXR pipeline. To be called before the
+ * first chunk of the pipeline, and again before the pipeline is destroyed. */
 void exr_scratch_swap(struct exr_scratch *scratch, void **first, size_t *first_bytes, void **second,
                       size_t *second_bytes);
 void exr_scratch_clear(struct exr_scratch *scratch);

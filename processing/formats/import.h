@@ -25,15 +25,16 @@ struct import_region { /* range of texels; if width and height are 0, all texels
 typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                GError **error);
 
-/* Callback for a picture of the view that was read last. Returns the flags of its texels (btf.h),
- * owned by the callback, or NULL if all are 0 or known from the holes of ImportPixels. The callback
- * may add attributes to the part. */
+/* Callback for a picture of the view that was read last. Returns the flags of the picture's texels
+ * (btf.h), owned by the callback. Returns NULL if no texel has a flag, or if holes are the only
+ * flags and ImportPixels gives them. The callback may add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
 /* Callback that reads one picture. If the file format allows, the callback reads only the region.
  * ret_planes are four planes of height × width that contain zeros: R, G, B and the flags of the
- * texels (btf.h). The plane of flags is NULL if a picture has no holes. *ret_holes is the number of
- * holes. ret_planes is NULL if only this number is wanted. */
+ * texels (btf.h). The plane of flags is NULL if the picture has no flags: it has no holes, or
+ * black_holes of struct import_material is TRUE. *ret_holes is the number of holes. ret_planes is
+ * NULL if only this number is wanted. */
 typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
                                  float *const *ret_planes, int *ret_holes, gpointer data,
                                  GError **error);
@@ -77,9 +78,9 @@ struct import_result {
     double eigenmaps_error;
 };
 
-/* Imports a material. path must not exist. It is an error if more than half of the pixels of a
- * picture are holes; masked pixels do not count. The progress stages are "import" and
- * "eigenmaps". */
+/* Imports a material. path must not exist. If `picture` is NULL or black_holes is TRUE, it is an
+ * error if more than half of the texels of a picture are holes. Otherwise the callback `picture`
+ * decides which pictures have too many holes. The progress stages are "import" and "eigenmaps". */
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error);
 
@@ -131,13 +132,13 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * of the lamps (pipeline.h). The same is done for a list of directions if wish->lamp_mm is set.
  *
  * A name may be a path below the list's folder. Of other paths only the part after the last slash
- * counts, and the picture lies next to the list. If the list has no names, they are the lines of
- * the file "filenames.txt" next to the list. If that file does not exist, all pictures next to the
- * list are taken in the order of the times in their EXIF data. If a picture has no such time, all
- * are taken in the order of their names, with numbers compared by value. In this case it is an
- * error if the counter of a camera has begun again within the names. A picture whose light is on
- * the horizon is left out. Numbers may have decimal commas if blanks, tabs or semicolons separate
- * the numbers. Blank lines and lines that begin with # are ignored. */
+ * counts, and the picture lies next to the list. If the list has no names, the lines of the file
+ * "filenames.txt" next to the list are the names. If that file does not exist, all pictures next to
+ * the list are taken in the order of the times in their EXIF data. If a picture has no such time,
+ * all pictures are taken in the order of their names, with numbers compared by value. In this case
+ * it is an error if the counter of a camera has begun again within the names. A picture whose light
+ * is on the horizon is left out. Numbers may have decimal commas if blanks, tabs or semicolons
+ * separate the numbers. Blank lines and lines that begin with # are ignored. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
 

@@ -6,8 +6,8 @@
  * The table (text_table.h) has a row for each picture:
  *   file            path from the table's folder; JPEG, PNG, TIFF, EXR or camera raw
  *   camera          a camera of the calibration
- *   lamp, or laser  of the calibration; with a lamp the picture is for the BTF, with a laser it is
- *                   a picture of a sweep
+ *   lamp, or laser  a lamp or a laser of the calibration; a picture with a lamp is for the BTF, a
+ *                   picture with a laser is part of a sweep
  *   turntable_deg   0 if empty
  *   arc_deg         angle of the arc that carries lamps and lasers; 0 if empty
  *   exposure_ms     1 if empty

@@ -46,14 +46,14 @@ struct import_picture *import_picture_read_part(const char *path, const struct i
  * mosaic of floating-point numbers, with 0 at its black level and 1 at its white level. */
 struct import_picture *import_picture_read_codes(const char *path, GError **error);
 /* Returns FALSE if two pictures, which must show the same part of the scene, differ in size or in
- * the position of their display windows. In the message, list and line say where the second picture
- * is named, and name is its name. line 0 means no line. */
+ * the position of their display windows. In the message, `list` and `line` say where the second
+ * picture is named, and `name` is its name. If `line` is 0, the message has no line. */
 gboolean import_picture_check_same(const struct import_picture *first,
                                    const struct import_picture *second, const char *list, int line,
                                    const char *name, GError **error);
 /* Returns FALSE if more than half of the pixels that are not masked are not numbers, or if nearly
- * all pixels are masked. n_bad of the n_pixels pixels are NaN. The message begins with list and
- * line. If name is NULL, list is the path of the picture. */
+ * all pixels are masked. n_bad of the n_pixels pixels are NaN. The message begins with `list`
+ * and `line`, and contains `name`. If `name` is NULL, `list` is the path of the picture. */
 gboolean import_picture_check_holes(const struct import_picture *picture, gsize n_bad,
                                     gsize n_pixels, const char *list, int line, const char *name,
                                     GError **error);

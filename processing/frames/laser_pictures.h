@@ -3,7 +3,7 @@
  * module exists for comparison with laser_lines.h, which is more accurate.
  *
  * Each frame is filtered with a Gaussian. If the line crosses the rows of the reference region, the
- * candidate of each row is its brightest pixel; otherwise, the candidate of each column. Pixels
+ * brightest pixel of each row is a candidate; otherwise the brightest pixel of each column. Pixels
  * below a threshold are no candidates. A line is fitted to the candidates of the frame. The sheet
  * of light of the frame is the plane through this line and the laser's calibrated position. The
  * calibrated angle of the sheet is not used; laser_lines.h combines it with the lines. The roll of

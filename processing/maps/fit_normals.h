@@ -37,7 +37,8 @@ struct fit_normals_result {
  * HSH but no MDF. */
 gboolean fit_normals_applies(const char *path);
 
-/* path is a session or the file of a model. Writes an EXR with a part "normals" with "X", "Y", "Z",
+/* path is a session or the file of a model. Of a session, products/ptm.exr is used, or, if there is
+ * no such file, products/hsh.exr. Writes an EXR with a part "normals" with "X", "Y", "Z",
  * all 0 for a texel without a normal. If heights is TRUE, the EXR has instead a part "height" with
  * "Z" in mm and "N", which is 1, or 0 for a hole. Heights have mean 0, because slopes do not give
  * absolute heights. The attributes are mesorig.kind, mesorig.model, texel_mm, reference_mm, holes,

@@ -12,8 +12,8 @@
 
 enum maps_heights { MAPS_HEIGHTS_MDF, MAPS_HEIGHTS_NORMALS };
 
-/* What was done with the fit: it was not stored, it was stored for the next export, or it was taken
- * from an earlier export. */
+/* What was done with the fit. MAPS_FIT_UNKEPT: the fit was not stored. MAPS_FIT_KEPT: the fit was
+ * stored for the next export. MAPS_FIT_TAKEN: the fit was taken from an earlier export. */
 enum maps_kept { MAPS_FIT_UNKEPT, MAPS_FIT_KEPT, MAPS_FIT_TAKEN };
 
 /* The difference between the maps, rounded to 8 bits, and the BTF to which they were fitted. */
@@ -24,7 +24,8 @@ struct maps_errors {
     /* n_views × n_lights: mean CIEDE2000 over texels; NaN if no texel was compared */
     float *pairs;
     float *texels; /* height × width: mean CIEDE2000 over pairs */
-    /* one of `every` pairs of a view and a light was compared for each texel; 1 means all pairs */
+    /* For each texel, only one pair of a view and a light out of this number of pairs was compared.
+     * 1 means that all pairs were compared. */
     int every;
 };
 

@@ -68,8 +68,8 @@ struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;
 };
-/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the shapes in
- * starts, and the best result is kept. Returns FALSE if the texel has no light. */
+/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the n_starts
+ * shapes in `starts`, and the best result is kept. Returns FALSE if the texel has no light. */
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);
@@ -156,7 +156,8 @@ struct maps_clusters *maps_clusters_new(const struct maps_parameters *texels, in
                                         enum maps_model model);
 void maps_clusters_free(struct maps_clusters *clusters); /* NULL is ignored */
 
-/* Makes the parameters those of a metal with the same lobe if its cluster is a metal. */
+/* Changes each of the n texels whose cluster is a metal: its parameters become those of a metal
+ * with the same lobe. */
 void maps_clusters_set_metals(const struct maps_clusters *clusters, int n,
                               struct maps_parameters *texels);
 

@@ -23,7 +23,7 @@ char *maps_store_inputs(const char *session, enum maps_model model, GError **err
  * other inputs, or if the file is damaged. */
 struct maps *maps_store_read(const char *session, enum maps_model model, const char *inputs);
 
-/* Stores a fit. Returns FALSE with an error if the session cannot be written to. The session is
- * then unchanged. */
+/* Stores a fit. Returns FALSE with an error if the file, or its row in the session, cannot be
+ * written. If only the row cannot be written, the new file stays. */
 gboolean maps_store_write(const char *session, const char *inputs, const struct maps *maps,
                           GError **error);

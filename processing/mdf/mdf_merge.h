@@ -34,13 +34,13 @@ struct mdf_merged {
     struct mdf_spread spread;
 };
 
-/* Merges the candidates of a texel. The candidates of a sweep are consecutive. If fewer than least
- * sweeps agree, the result is unknown. The function reorders the array: the candidates that were
- * averaged become the first ones. The true line shows the same surface for every laser position,
- * whereas reflections and highlights appear at times that depend on the position. Therefore the
- * mode is the distance that is supported by sweeps with the largest sum of weights. Each sweep
- * contributes its candidate that is closest to the mode. Sweeps without a close candidate are
- * outliers. */
+/* Merges the candidates of a texel. The candidates of a sweep are consecutive. If fewer than
+ * `least` sweeps agree, the result is unknown. The function reorders the array: the candidates that
+ * were averaged become the first ones. The true line shows the same surface for every laser
+ * position, whereas reflections and highlights appear at times that depend on the position.
+ * Therefore the mode is the distance that is supported by sweeps with the largest sum of weights.
+ * Each sweep contributes its candidate that is closest to the mode. Sweeps without a close
+ * candidate are outliers. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);
 
 /* Merges as Wang et al. 2005 §3.2 prints it, for comparison: the mean of all candidates by their

@@ -47,13 +47,13 @@ gboolean partial_read(Partial *partial, int most, GArray *ret_pairs, char **ret_
  * it is not measured. The bytes never change. Owned by the Partial; take a reference. */
 GBytes *partial_picture(const Partial *partial, int pair);
 
-/* What a prediction needs: the values of some texels, and the pairs that the remaining shots will
- * take. */
+/* What a prediction needs: the values of some texels (the probes), and the pairs that the remaining
+ * shots will take. */
 struct partial_sample {
     const struct prediction_pairs *pairs; /* borrowed from the Partial, constant */
     int n_probes, n_measured;
     float *values;      /* n_probes × 3 × n_pairs, NAN if not measured */
-    struct vec3 *at_mm; /* n_probes */
+    struct vec3 *at_mm; /* n_probes: positions of these texels in the sample frame */
     /* planned: the n_planned pairs that are not measured yet, in the planned order of their shots.
      * shots: for each of these pairs, the number of shots from the first one that is not done up to
      * the shot of the pair. */
@@ -65,5 +65,6 @@ struct partial_sample {
 struct partial_sample *partial_sample(Partial *partial, GError **error);
 void partial_sample_free(struct partial_sample *sample); /* NULL is ignored */
 
-/* Returns the position of a texel's centre in the sample frame. */
+/* Returns the point of the reference plane at a fractional column and row, in the sample frame.
+ * Whole numbers are the centre of a texel. */
 struct vec3 partial_point_mm(const Partial *partial, double column, double row);

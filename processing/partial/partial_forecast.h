@@ -18,9 +18,9 @@ struct partial_later {
 };
 #define PARTIAL_LATER 6
 
-/* Makes a forecast. like is an earlier forecast of the same session, or NULL. The model is fitted
- * anew if like is NULL, or if the number of measured pairs has grown by a quarter since the model
- * of like was fitted. This takes seconds. Otherwise the model of like is used, which takes a
+/* Makes a forecast. `like` is an earlier forecast of the same session, or NULL. The model is fitted
+ * anew if `like` is NULL, or if the number of measured pairs has grown by a quarter since the model
+ * of `like` was fitted. A fit takes seconds. Otherwise the model of `like` is used, which takes a
  * fraction of this time. The sample must have measured pairs. Errors are those of
  * nearest_prediction_new(). */
 PartialForecast *partial_forecast_new(const struct partial_sample *sample,
@@ -42,7 +42,9 @@ void partial_forecast_error_range(const PartialForecast *forecast, double ret[2]
  * PARTIAL_LATER. Owned by the forecast. */
 const struct partial_later *partial_forecast_later(const PartialForecast *forecast, int *ret_n);
 
-/* Predicts the picture of a pair from the measured pictures, with the exact directions of each
- * texel: ρ_u = g_u Σ w_i ρ_i / g_i, at least 0. Returns NULL for a pair that the forecast counts as
- * measured. Uses the Partial, and so belongs to its thread. */
+/* Predicts the picture of a pair u from the measured pictures i, with the exact directions of each
+ * texel: ρ_u = g_u Σ_i w_i ρ_i / g_i, at least 0. w_i are the weights of
+ * nearest_prediction_weights(), and g is nearest_prediction_mean(). The picture has the form of
+ * partial_picture(); g_bytes_unref(). Returns NULL for a pair that the forecast counts as measured.
+ * Call this function only in the thread to which the Partial belongs. */
 GBytes *partial_forecast_picture(const PartialForecast *forecast, const Partial *partial, int pair);

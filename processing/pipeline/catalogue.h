@@ -34,6 +34,9 @@ struct catalogue {
 struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error);
 void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
+/* Reads the session's frames, shots and lamp outputs again, because a capture may have added some.
+ * Frees the members that held them before. Fails if the database cannot be read, or if a row or a
+ * stored output is not valid. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
 /* Returns the number of planned shots that are not taken yet. */
@@ -80,8 +83,8 @@ struct mdf_job {
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 
 /* Looks up the sweeps of a view, like catalogue_btf(). A view is ready without the sweeps that the
- * plan leaves out, if it has at least one other. At most MDF_MAX_SWEEPS sweeps are used. Free *ret
- * with mdf_job_free(). */
+ * plan leaves out, if it has at least one other sweep. At most MDF_MAX_SWEEPS sweeps are used. Free
+ * *ret with mdf_job_free(). */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 

@@ -27,7 +27,7 @@ void course_expect(Course *course, enum time_left_work work, double units);
  * speed of this work also counts. */
 void course_advance(Course *course, double share);
 /* Report that work after the views begins or has ended. After course_end(), no more work of this
- * kind is expected. whole is TRUE if the work was complete, so that its time can be used for
+ * kind is expected. `whole` is TRUE if the work was complete, so that its time can be used for
  * predictions. */
 void course_begin(Course *course, enum time_left_work work);
 void course_end(Course *course, enum time_left_work work, gboolean whole);

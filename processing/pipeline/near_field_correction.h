@@ -9,7 +9,7 @@
  *
  *   left out   Measured values of one view (or under one light), compared with a prediction from
  *              all other views (or lights). These other views are much farther away than the
- *              displacement of a texel. At most a thousand texels are used.
+ *              displacement of a texel. At most 1024 texels are used.
  *   back       The measured values, compared with the result after it was interpolated back to the
  *              measured directions. The interpolation error counts about twice.
  *   nominal    Values without correction, as if they were measured in the nominal directions,
@@ -54,19 +54,21 @@ struct near_field_correction_result {
     int sampled;                     /* number of texels of the leave-one-out test */
     gint64 holes, bounds, predicted; /* numbers of texels of the source, summed over its pictures
                                         (btf_matrix.h) */
-    GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */
-    struct near_field_correction_band all; /* of all views; theta_deg is −1 */
+    /* of struct near_field_correction_band; `from` is for the measured views, `to` for the target
+     * views */
+    GArray *from, *to;
+    struct near_field_correction_band all; /* for all views; theta_deg is −1 */
     /* mean and maximum, over lights and texels, of the angle to the nearest measured light */
     double light_moved_deg, light_most_moved_deg;
 };
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
 /* Resamples the BTF of a session to the directions `to`, and writes the result as a new session to
- * path. to is NULL for the session's own nominal directions. The error is DATA_ERROR_EXISTS if path
- * exists, and DATA_ERROR_INCOMPLETE if there is no BTF or if it gets further views meanwhile. Fails
- * also if the disk has no space for the scratch files. The function needs the memory of some views,
- * and temporarily 8 bytes on disk for each texel under each pair of view and light, of source and
- * result. Progress stages are "read", "resample", "import" and "eigenmaps". */
+ * path. `to` is NULL for the session's own nominal directions. The error is DATA_ERROR_EXISTS if
+ * path exists, and DATA_ERROR_INCOMPLETE if there is no BTF or if it gets further views meanwhile.
+ * Fails also if the disk has no space for the scratch files. The function needs the memory of some
+ * views, and temporarily 8 bytes on disk for each texel under each pair of view and light, of
+ * source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

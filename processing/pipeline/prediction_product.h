@@ -3,8 +3,9 @@
  * left-out pictures in the views' files are made again. Until then these parts hold the values that
  * btf_make_view() interpolates from the lights around them.
  *
- * Such a part has the flag BTF_FLAG_PREDICTED in all texels, error bars (btf_sigma.h), the int
- * mesorig.left_out and the string mesorig.prediction: the hash of all views' inputs. */
+ * The predicted part of a left-out picture has the flag BTF_FLAG_PREDICTED in all texels, and error
+ * bars (btf_sigma.h). Its attributes are mesorig.left_out (int) and mesorig.prediction (string: the
+ * hash of the inputs of all views). */
 #pragma once
 
 #include "catalogue.h"

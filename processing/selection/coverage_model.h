@@ -35,11 +35,12 @@ void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
 /* Returns the share of texels, among those that the camera sees, that a sweep is expected to settle
- * in addition to the taken sweeps. sweep is the number of this sweep. Bit i of taken stands for
- * sweep i. It is assumed to be unknown what the taken sweeps saw. Returns 0 if no cone of the model
- * contains the camera. */
+ * in addition to the taken sweeps. `sweep` is the number of this sweep. Bit i of `taken` stands
+ * for sweep i. It is assumed to be unknown what the taken sweeps saw. Returns 0 if no cone of the
+ * model contains the camera. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
-/* Returns the probability that a sweep lights a point that the camera sees. Of the taken sweeps,
- * those in lit saw something at this point, and the others saw nothing. */
+/* Returns the probability that a sweep lights a point that the camera sees. `taken` and `lit` are
+ * sets of sweeps, with bit i for sweep i. Of the sweeps in `taken`, those in `lit` saw something at
+ * this point, and the others saw nothing. */
 double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep);

@@ -42,7 +42,7 @@ struct coverage_sums {
  * coverage_view_expects() counts the same texels. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
-/* Returns the share of the view's texels that are not known and that a sweep is expected to make
+/* Returns the share of the examined texels that are not known and that a sweep is expected to make
  * known. A texel that no sweep has seen needs two sweeps, and counts half. coverage_view_sum_up()
  * must have been called after the last sweep was added. model is the model of the view's camera,
  * with the same numbering of sweeps. */

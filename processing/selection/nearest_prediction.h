@@ -28,8 +28,8 @@
 
 typedef struct NearestPrediction NearestPrediction;
 
-/* Fits the model to probes, which are as in prediction_new(). If like is not NULL, the mean
- * material and the constants of the covariance are taken from like, which must be for the same
+/* Fits the model to probes, which are as in prediction_new(). If `like` is not NULL, the mean
+ * material and the constants of the covariance are taken from `like`, which must be for the same
  * directions. This takes a fraction of the time of a fit. The error is DATA_ERROR_INVALID if no row
  * of probes has a value for each measured pair. Can be cancelled by work. */
 NearestPrediction *nearest_prediction_new(const struct prediction_pairs *pairs, const float *probes,
@@ -61,8 +61,9 @@ void nearest_prediction_error_range(const NearestPrediction *prediction, double 
  * Returns 0 for a measured pair, and 1 if nothing is measured. */
 double nearest_prediction_pair_error(const NearestPrediction *prediction, int pair);
 
-/* Returns the expected error (nearest_prediction_error()) after the pairs for which more is TRUE
- * (n_pairs) were measured as well. At most `targets` of the remaining pairs are examined, evenly
- * spread. */
+/* Returns the expected error (nearest_prediction_error()) after further pairs were measured: those
+ * for which `more` (n_pairs) is TRUE. At most `targets` of the remaining missing pairs are
+ * examined, evenly spread. Returns 1 if nothing is measured yet, and 0 if no missing pair would
+ * remain. */
 double nearest_prediction_error_after(const NearestPrediction *prediction, const gboolean *more,
                                       int targets);

@@ -109,7 +109,7 @@ struct prediction_shot {
     double price_s; /* time that the shot takes, above 0 */
 };
 struct prediction_choice {
-    int shot;
+    int shot; /* index of the chosen shot */
     /* expected errors without and with the shot, as of prediction_error() */
     double error_before, error_after;
 };

@@ -85,10 +85,10 @@ double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec
 /* Evaluates g of R, G, B, with the sum of its lobes limited to max_gloss. */
 void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);
-/* Fits the parameters of g and max_gloss to probes as in prediction_new(). like contains parameters
- * from which the fit starts. If like is NULL or has no lobes, the fit starts from several widths of
- * lobes. most is the maximum number of evaluations of each start. If there are too few values for a
- * fit, g becomes the diffuser cos θ_l without lobes. */
+/* Fits the parameters of g and max_gloss to probes as in prediction_new(). `like` contains
+ * parameters from which the fit starts. If `like` is NULL or has no lobes, the fit starts from
+ * several widths of lobes. `most` is the maximum number of evaluations of the residuals for each
+ * start. If there are too few values for a fit, g becomes the diffuser cos θ_l without lobes. */
 #define PREDICTION_MEAN_EVALUATIONS (200 * (PREDICTION_MEAN + 1))
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes, const double *like, int most);

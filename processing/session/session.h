@@ -209,7 +209,8 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                            const char *message, GError **error);
 
 /* Values by name ("state", "clock_s", …) record the capture and the results of processing.
- * session_set_value() deletes a value that is NULL. session_read_value() sets *ret to NULL if the
+ * session_set_value() stores a value, in which bytes that are not UTF-8 are replaced. If `value` is
+ * NULL, it deletes the stored value. session_read_value() sets *ret to NULL if the
  * value is not set, and also on an error; g_free(). */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
@@ -281,8 +282,8 @@ struct session_damage *session_examine(const Session *session, const char *relat
 /* Checks the products whose paths begin with prefix. To be called before products are read. If a
  * product is missing, cannot be read, or differs from its row, the error is SESSION_ERROR_DAMAGED
  * with the command that makes the file again. Files without a row pass. If another program is
- * making products, the function waits for the row of a file that was just written. work may be
- * NULL; the function reports no progress. */
+ * making products, the function waits up to 10 s for the row of a file that was just written. work
+ * may be NULL; the function reports no progress. */
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error);
 
@@ -299,8 +300,9 @@ GPtrArray *session_btf_files(Session *session, GError **error);
  * mdf.exr and eigenmaps.exr. */
 #define SESSION_PROCESS_LOCK "products/process.lock"
 
-/* Records a damaged frame for the next session_verify(). what describes the damage; NULL means that
- * the frame is intact again. */
+/* Records a damaged frame for the next session_verify(). `frame` is the path of the frame's file,
+ * relative to the session directory. `what` describes the damage; NULL means that the frame is
+ * intact again. */
 gboolean session_note_damage(Session *session, const char *frame, const char *what, GError **error);
 
 /* Deletes unfinished files of frames. To be called only while nothing is captured into the

@@ -69,8 +69,8 @@ gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);
 void session_rollback(Session *session);
 
-/* Returns whether the session was opened in the mode least or in a mode that may do more. The error
- * is SESSION_ERROR_IO. */
+/* Returns whether the session was opened in the mode `least` or in a mode that may do more. The
+ * error is SESSION_ERROR_IO. */
 gboolean session_may(const Session *session, enum session_mode least, GError **error);
 
 /* Returns whether a path is relative and valid UTF-8, and has no component that is empty, "." or

@@ -6,9 +6,10 @@
  * On disk, one EXR:
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
  *                         the sample, whole numbers from 0; top row first
- *   part "mip<n>.index"   the same for level n, of ⌈width / 2ⁿ⌉ × ⌈height / 2ⁿ⌉: the block of 2ⁿ ×
- *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like the block of the sample whose
- *                         first texel is (X, Y)
+ *   part "mip<n>.index"   the same for level n, ⌈width / 2ⁿ⌉ × ⌈height / 2ⁿ⌉ texels. Texel (i, j)
+ *                         stands for a block of 2ⁿ × 2ⁿ texels of the map, whose first texel is
+ *                         (2ⁿ i, 2ⁿ j). This block looks like the block of the sample whose first
+ *                         texel is (X, Y)
  * The attributes of "index" are mesorig.kind = "index", mesorig.method (string), sample_width,
  * sample_height (int) and texel_mm (double).
  *

@@ -10,7 +10,7 @@
 /* Makes the part, and chooses its period in each dimension. A period is at least half of the
  * sample. The function chooses the longest period at whose cut the two pictures differ by at most
  * 1.1 times the minimum over all periods plus a hundredth of the neighbours' mean square distance.
- * A material that has a period gets a multiple of it.
+ * If the material itself has a period, the chosen period is a multiple of the material's period.
  *
  * The cost of a cut between two columns is its visible effect: the step between the two texels that
  * become neighbours, plus half of the difference of both overlapping pictures there (Kwatra et al.

@@ -4,8 +4,9 @@
 #include "calibration/calibration.h"
 #include "session/session.h"
 
-/* Sets the noise in the calibration for each camera with kept dark frames and pairs of exposures
- * under a lamp (of the brightest shot). ret_n is the number of such cameras. Pairs that cannot be
- * used are an error; missing pairs are not. */
+/* Sets the noise in the calibration for each camera of which the session has kept pairs of
+ * exposures both in the dark and under a lamp. If several shots have kept pairs, those of the
+ * brightest shot are used. *ret_n is the number of these cameras. Cameras without such pairs are
+ * left out. Fails if pairs cannot be used. */
 gboolean tile_noise(Session *session, struct calibration *calibration, const GPtrArray *shots,
                     int *ret_n, GError **error);

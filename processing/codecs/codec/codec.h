@@ -53,7 +53,8 @@ struct codec_result {
     double error;
     /* the same ratio for the model before its numbers were rounded for the file */
     double exact_error;
-    /* mean of |Y − Ŷ|, the luminances of A and Â; −1 if the codec does not compute it */
+    /* mean of |Y − Ŷ|, where Y and Ŷ are the luminances of A and Â; −1 if the codec does not
+     * compute this mean */
     double luminance_error;
     /* whether the file is much smaller than the model in a renderer's memory, so that users are
      * told the size of the file */

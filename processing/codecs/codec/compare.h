@@ -9,10 +9,11 @@
 #include "material.h"
 
 struct compare_sums {
-    /* ‖A − B‖_F / ‖A‖_F of R, G, B, where A and B are the values of a and b. If A is black: 0 if B
-     * is black too, else ∞ */
+    /* ‖A − B‖_F / ‖A‖_F of R, G, B, where A and B are the values of the materials a and b. If all
+     * values of A are 0, the error is 0 if all values of B are 0 as well, and otherwise ∞ */
     double error;
-    /* mean of |Y_A − Y_B|, the luminances of A and B (Meseth et al. 2003, Table 1) */
+    /* mean of |Y_A − Y_B|, where Y_A and Y_B are the luminances of A and B (Meseth et al. 2003,
+     * Table 1) */
     double luminance_error;
     double delta_e; /* mean CIEDE2000; the reference white is the white diffuser */
     double psnr_db; /* PSNR of all values (metrics/psnr.h); ∞ if A and B are equal */

@@ -36,6 +36,6 @@ gsize codec_place_lights(const struct codec_tables *tables);
 
 /* Sets the query of a place. The vectors need not have unit length. Returns FALSE and leaves the
  * place unchanged if a direction is on or below the horizon, or has no length, or is not finite.
- * Nothing is reflected then. */
+ * The material then reflects no light to the view. */
 gboolean codec_place_set(const struct codec_tables *tables, const float view[3],
                          const float light[3], struct codec_place *place);

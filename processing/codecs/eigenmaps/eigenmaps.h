@@ -25,6 +25,8 @@ struct eigenmaps {
 };
 
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
+/* Read and write the file. Errors are in EXR_ERROR. eigenmaps_write() also fails with G_FILE_ERROR
+ * if the file of the maps (member `file`) cannot be read. */
 struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
 /* Writes the eigen-maps of a BTF of one view. The BTF itself is the only term, with weight 1 and
@@ -84,11 +86,12 @@ struct eigenmaps_options {
     enum eigenmaps_method method;
     /* NULL, or a folder for an unnamed file, in which the maps are kept as floats. The method is
      * then randomised. After the first pass over the columns, maps and columns are computed in
-     * blocks, for which `memory` is the limit. The file has up to SPARE (8) maps more than the
+     * blocks, for which `memory` is the limit. The file holds up to 8 maps more than the
      * result. */
     const char *folder;
-    EigenmapsPart part; /* required with folder, like lights */
-    gboolean lights;    /* whether blocks are of lights; otherwise they are of texels */
+    /* The next two are used only with `folder`. `part` must then be set. */
+    EigenmapsPart part;
+    gboolean lights; /* TRUE: a block is a range of lights; FALSE: a range of texels */
 };
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
                                 EigenmapsColumn column, gpointer data, double *ret_error,

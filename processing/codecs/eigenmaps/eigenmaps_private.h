@@ -23,9 +23,9 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
 /* Allocates memory for n columns. Returns NULL with an error if there is not enough. */
 float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error);
 
-/* Converts up to EIGENMAPS_CHUNK rows of all columns to doubles, beginning with the row from.
- * Column i begins at columns + i · rows, and its doubles at to + i · EIGENMAPS_CHUNK. Returns the
- * number of rows that were converted. */
+/* Converts up to EIGENMAPS_CHUNK rows of all columns to doubles, beginning with the row `from`.
+ * Column i begins at `columns` + i · `rows`. The doubles of column i begin at `to` + i ·
+ * EIGENMAPS_CHUNK. Returns the number of rows that were converted. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to);
 
 /* Replaces a symmetric n × n matrix, given by its upper half, by its eigenvectors. The eigenvectors

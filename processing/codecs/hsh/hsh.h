@@ -12,8 +12,9 @@
  *                 K_l^0 P_l^0(x)                   m = 0
  *   K_l^m = √((2l + 1) (l − m)! / (2π (l + m)!))
  * which is orthonormal over the hemisphere: ∫ H_i H_j dω = δ_ij. Order and signs are those of
- * RTIViewer: degree l = 0, 1, 2, 3, in each m = l, l − 1, …, −l, and H_l^m with |m| = 2 is negated.
- * With c = cos θ = l_z, w = c − c², and (u, v) = √w (cos φ, sin φ) = √(c / (1 + c)) (l_x, l_y):
+ * RTIViewer: first degree l = 0, then 1, 2 and 3; within each degree m = l, l − 1, …, −l; H_l^m
+ * with |m| = 2 is negated. With c = cos θ = l_z, w = c − c², and
+ * (u, v) = √w (cos φ, sin φ) = √(c / (1 + c)) (l_x, l_y), the functions are:
  *   H0  √(1/2π)          H4  −√(30/π) (u² − v²)      H9   2√(35/π) (u³ − 3uv²)
  *   H1  √(6/π) u         H5   √(30/π) x u            H10  −√(210/π) x (u² − v²)
  *   H2  √(3/2π) x        H6   √(5/2π) (1 − 6w)       H11  2√(21/π) u (1 − 5w)

@@ -53,6 +53,8 @@
 enum lobes_model { LOBES_FIELDS, LOBES_PTM, LOBES_LAFORTUNE, LOBES_WARD, LOBES_ASHIKHMIN };
 #define LOBES_MODELS 5
 
+/* Convert between a model and its name, which is mesorig.kind of its files. lobes_model_parse()
+ * returns FALSE if no model has the name. */
 const char *lobes_model_name(enum lobes_model model);
 gboolean lobes_model_parse(const char *name, enum lobes_model *ret);
 
@@ -113,4 +115,5 @@ double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_thre
 /* Returns the bytes of all values as halves, as a renderer holds them. */
 gint64 lobes_bytes(const struct lobes *lobes);
 
+/* Reads the model of level 0 of a file (lobes_levels.h). Errors: EXR_ERROR. */
 struct lobes *lobes_read(const char *path, GError **error);

@@ -18,7 +18,7 @@
  *   fields     k lobes
  *   lafortune  k lobes, D
  *   ward       slopes of the normal (2), angle of the tangent, log U, log V, diffuse, specular
- *   ashikhmin  those of ward */
+ *   ashikhmin  the same parameters as ward */
 struct lobes_fit {
     enum lobes_model model; /* not ptm, which is solved as a linear problem */
     int n_lobes;

@@ -54,6 +54,8 @@
 /* lpca_quantise() accepts the first LPCA_QUANTISE_KINDS. lpca_pack.h makes packed local PCAs. */
 enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS, LPCA_PACKED };
 #define LPCA_QUANTISE_KINDS 4
+/* Convert between a kind and its name, which is mesorig.quantise of the file. lpca_quantise_parse()
+ * returns FALSE if no kind has the name. */
 const char *lpca_quantise_name(enum lpca_quantise quantise);
 gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
 
@@ -120,12 +122,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
  * Clusters that are not needed are left out: a constant material has one. The result does not
  * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights"
- * with to_pack, and "check" if errors are measured. With a target, computes local PCAs of 1, 2, 4,
- * … components until one reaches the target, and then finds the smallest number of components that
- * reaches it. If the target is not reached with n_components, returns NULL, and the message says
- * how large the error with n_components is. Also fails if the BTF is empty, too large or has a
- * value that is not finite, if options give impossible numbers or too little memory, or if the work
- * is cancelled.
+ * (only with to_pack) and "check" (only if errors are measured). With a target, computes local PCAs
+ * of 1, 2, 4, … components until one reaches the target, and then finds the smallest number of
+ * components that reaches it. If the target is not reached with n_components, returns NULL, and the
+ * message says how large the error with n_components is. Also fails if the BTF is empty, too large
+ * or has a value that is not finite, if options give impossible numbers or too little memory, or if
+ * the work is cancelled.
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
  * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
@@ -134,8 +136,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 
-/* Returns a copy with only the first n_components components. Its error is 0, and its kind is
- * LPCA_FLOAT if lpca is packed. */
+/* Returns a copy with only the first n_components components, which must be from 1 to the number of
+ * components of lpca. The member `error` of the copy is 0. Its member `quantise` is that of lpca,
+ * or LPCA_FLOAT if lpca is packed. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
 /* Rounds the values in memory as lpca_write() rounds them in a file of the kind `quantise`. The
@@ -156,12 +159,13 @@ double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 
-/* Returns the bytes of index, weights and BRDFs in a renderer's memory. A packed local PCA counts
- * as if it were in halves. */
+/* Returns the bytes in a renderer's memory: the cluster and the weights of each texel, and the
+ * eigen-BRDFs. A packed local PCA counts as if its numbers were halves. */
 gint64 lpca_bytes(const struct lpca *lpca);
 
 /* Reconstructs one texel: n_views × n_lights × 3. */
 void lpca_reconstruct(const struct lpca *lpca, int texel, float *ret);
 
+/* Errors: EXR_ERROR. */
 gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error);
 struct lpca *lpca_read(const char *path, GError **error);

@@ -8,8 +8,9 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* component 0 is the mean */
 
-/* Gives all ranks of the team all n values of size bytes each. Each rank has the values of its own
- * part, which consists of whole steps (team_part()). Does nothing without a team. */
+/* Gives all ranks of the team all n values of `size` bytes each. Before the call, a rank has only
+ * the values of its own part, which begins at a multiple of `step` (team_part()). Does nothing
+ * without a team. */
 void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
 
 /* lpca_keep_whole() registers the arrays of a local PCA with the checkpoint under a name. The local
@@ -52,8 +53,8 @@ struct lpca_reduced {
  * cancelled. */
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
-/* Computes the coordinates of rows from … end − 1 in their clusters. Row x of weights (n × c)
- * becomes A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
+/* Computes the coordinates of the rows `from` … `end` − 1 in their clusters. Row x of weights (n ×
+ * c) becomes A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
 void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
                           float *weights);
 

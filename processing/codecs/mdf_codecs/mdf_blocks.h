@@ -6,9 +6,9 @@
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
  * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
  * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
- * deepest_mm and mesorig.error_mm (double). The end values 0 and 255 of a block stand for the
- * depths below the reference plane least_mm (member min_mm) and deepest_mm. Texels that no laser
- * saw have the depths of their neighbours. */
+ * deepest_mm and mesorig.error_mm (double). The end value 0 of a block stands for the depth
+ * least_mm (member min_mm), and 255 for the depth deepest_mm. Depths are below the reference plane.
+ * Texels that no laser saw have the depths of their neighbours. */
 #pragma once
 
 #include <glib.h>
@@ -40,11 +40,13 @@ struct mdf_blocks {
     double error_mm;            /* RMS error, see mdf_table_difference() */
 };
 
+/* Encodes all views of a table, and measures error_mm. mdf_blocks_table() decodes the views. */
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table);
 typedef struct mdf_blocks MdfBlocks;
 void mdf_blocks_free(struct mdf_blocks *blocks); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfBlocks, mdf_blocks_free)
 struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks);
 
+/* Errors: EXR_ERROR. */
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error);
 struct mdf_blocks *mdf_blocks_read(const char *path, GError **error);

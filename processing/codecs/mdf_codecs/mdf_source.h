@@ -19,8 +19,9 @@ struct mdf_source {
 struct mdf_source *mdf_source_read(const char *path, GError **error);
 /* Returns whether the tiles of an MDF and of a material, which are to be drawn together, have the
  * same size in mm, within 1 %. `mdf` is a file of any form. `material` is a session, its
- * products/btf or a compressed file. Only headers are read. Returns FALSE with an error that names
- * both sizes. Returns TRUE if a file cannot be read or has no size, because its reader gives that
- * error. Any thread. */
+ * products/btf or a compressed file. Only headers are read. Returns FALSE with
+ * MDF_TABLE_ERROR_FORMAT if the sizes differ; the message names both sizes. Returns TRUE if a file
+ * cannot be read or has no size, because the function that reads the file gives that error. Any
+ * thread. */
 gboolean mdf_source_fits(const char *mdf, const char *material, GError **error);
 void mdf_source_free(struct mdf_source *source); /* also frees the members; NULL is ignored */

@@ -61,7 +61,9 @@ struct bonn_header {
 
 void bonn_header_clear(struct bonn_header *header);
 
-const char *bonn_kind_name(enum bonn_kind kind); /* "bdi", "sparse", "fmf", "dfmf" */
+/* Convert between a kind and its name: "bdi", "sparse", "fmf" or "dfmf". bonn_kind_parse() returns
+ * FALSE if no kind has the name. */
+const char *bonn_kind_name(enum bonn_kind kind);
 gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
 
 typedef struct BonnFile BonnFile;

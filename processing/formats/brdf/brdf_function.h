@@ -7,8 +7,8 @@
  * surface. The function is called from several threads at the same time. */
 typedef void (*BrdfFunction)(const float light[3], const float view[3], float ret[3],
                              gpointer data);
-/* The same for both orders of two directions: with light a and view b, and with light b and view
- * a. */
+/* Gives the values of such a function for both orders of two directions: ret[0] for light a and
+ * view b, ret[1] for light b and view a. */
 typedef void (*BrdfBothFunction)(const float a[3], const float b[3], float ret[2][3],
                                  gpointer data);
 

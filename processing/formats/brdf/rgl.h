@@ -7,7 +7,7 @@
  *   vndf[P][T][b][a]         density of visible normals, up to a factor
  *   luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
  *                            sampling
- *   rgb[P][T][3][n][n]       linear sRGB in sample space; instead of it, there may be
+ *   rgb[P][T][3][n][n]       linear sRGB in sample space; instead of rgb, a file may have
  *                            spectra[P][T][W][n][n] and wavelengths[W] in nm
  *   jacobian[1] (u8)         1 if rgb and spectra are f_r cos θ_o · 4σ/D, as below; 0 if they are
  *                            f_r cos θ_o

@@ -4,10 +4,11 @@
  * multiplies the texel's colour.
  *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
  *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
- *            then bytes. LRGB: six bytes per texel, then (before 1.2: after each six) red, green
- *            and blue; RGB: six bytes per texel of red, then of green, then of blue. The last row
- *            of the picture comes first. b = lx², ly², lx ly, lx, ly, 1 and
- *            255 c_j = (byte − bias_j) scale_j.
+ *            then bytes. PTM_FORMAT_LRGB: six bytes for each texel, then red, green and blue of
+ *            each texel. (In versions before 1.2, red, green and blue of a texel directly follow
+ *            the six bytes of this texel.) PTM_FORMAT_RGB: six bytes of red for each texel, then
+ *            six of green, then six of blue. The last row of the picture comes first. b = lx², ly²,
+ *            lx ly, lx, ly, 1 and 255 c_j = (byte − bias_j) scale_j.
  *   .rti     "#HSH1.2" of RTIBuilder (Cultural Heritage Imaging): lines that begin with #, then
  *            "3", width, height, 3, then the number of terms and two more numbers; f32 scale and
  *            bias of each term; bytes of each texel: the terms of red, of green, of blue. The first
@@ -55,8 +56,8 @@ void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float 
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
 /* Writes a PTM as a new folder for OpenLIME, with info.json and plane_0.png …. lights (n × 3) are
- * the lights from which the PTM was made. Unless replace is set, the folder appears complete or not
- * at all, and the error is DATA_ERROR_EXISTS if it exists. */
+ * the lights from which the PTM was made. If `replace` is FALSE, the folder appears complete or
+ * not at all, and the error is DATA_ERROR_EXISTS if the folder exists already. */
 gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
                            const float *lights, int n, double texel_mm, GError **error);
 
