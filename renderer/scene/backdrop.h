@@ -22,9 +22,10 @@ void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, doubl
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 
-/* Draws the background, with alpha 0, where nothing was drawn yet. The projection is computed by
- * camera_matrix(). Fails if settings->backdrop is set and backdrop_set_environment() has not been
- * called, or if a program cannot be compiled. */
+/* Draws the background, with alpha 0, at all pixels where nothing was drawn yet. projection and eye
+ * are the results of camera_matrix(). relief has the shadow maps for the ground (relief_prepare()).
+ * Fails if settings->backdrop is set and backdrop_set_environment() has not been called, or if a
+ * program cannot be compiled. */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

@@ -25,9 +25,9 @@ struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
 
-/* Cuts rgb (height × width × 3) by median cut into at most n lamps, 1 … VIEWER_MAX_LAMPS. All lamps
- * together give the light of the picture, ∫ L dω / π. Returns the number of lamps, which is 0 for a
- * black picture. */
+/* Cuts the picture rgb (height × width × 3) by median cut into at most n lamps, and sets `ret` to
+ * these lamps. n is from 1 to VIEWER_MAX_LAMPS. All lamps together give the light of the picture, ∫
+ * L dω / π. Returns the number of lamps, which is 0 for a black picture. */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 

@@ -15,9 +15,11 @@ struct measured {
                      picture is black */
 };
 
-/* Finds the measured picture with the view and the light that are nearest to the directions of the
- * camera and the first lamp, for a horizontal sample. Then draws the comparison. Each texel is
- * drawn as n × n pixels. n is the largest number for which the three panels fit into width, but at
+/* Finds the measured view that is nearest to the direction of the camera, and the measured light
+ * that is nearest to the direction of the first lamp. Both directions are taken as those of a
+ * horizontal sample, whatever the mesh. Then compares the picture of this view and light with the
+ * picture that the viewer draws of one flat tile. Sets *ret to the result. Each texel becomes n × n
+ * pixels of a panel. n is the largest number for which the three panels fit into width, but at
  * least 1. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,

@@ -20,15 +20,19 @@ typedef struct Viewer Viewer;
 #define VIEWER_VERTEX_ATTRIBUTES 4
 void viewer_vertex_attributes(void);
 
-/* Makes a viewer of eigen-maps. If material is NULL, call viewer_open() or viewer_set_method()
- * before drawing. */
+/* Makes a viewer that draws eigen-maps. If material is NULL, call viewer_open() or
+ * viewer_set_method() before drawing. */
 Viewer *viewer_new(const struct eigenmaps *material, GError **error);
 void viewer_free(Viewer *viewer); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
 
+/* These two functions replace the main material and its method, and leave the MDF. On error, the
+ * previous material stays. viewer_set_material() copies eigen-maps to the graphics card.
+ * viewer_open() opens a file with a method (method_open()). */
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error);
 gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path, GError **error);
-/* Sets a material that the method has opened. Takes ownership of the material if it succeeds. */
+/* Sets a material that the method has opened. Takes ownership of the material if the function
+ * succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
 /* Sets the mesh and copies it. If the material of a part has not been added, the part shows the

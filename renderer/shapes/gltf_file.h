@@ -23,8 +23,8 @@ gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **erro
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
 void gltf_clear(struct gltf *gltf);
 
-/* Returns element k of the root's array of that name, or NULL with an error if there is no such
- * object. */
+/* Returns element k of an array of the root, such as "meshes". `array` is the name of the array.
+ * Returns NULL with an error if there is no such element, or if the element is not an object. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
 /* Returns a member that is a whole number, or fallback if it is missing or anything else. */

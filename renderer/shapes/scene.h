@@ -59,6 +59,7 @@ typedef struct mesh Mesh;
 void mesh_free(Mesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Mesh, mesh_free)
 
+/* The vertical axis of a file. The mesh is turned so that this axis becomes z. */
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
 #define SCENE_SHAPES 5

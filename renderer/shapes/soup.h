@@ -28,7 +28,7 @@ void soup_clear(struct soup *soup);
 /* Rotates a vector from a y-up to a z-up frame. */
 void soup_y_to_z_up(float values[3]);
 
-/* Makes a mesh. If fit is TRUE, the mesh is centred and scaled to radius 1 around the origin.
- * Returns NULL with an error that begins with where. */
+/* Makes a mesh. If fit is TRUE, the mesh is centred and scaled to radius 1 around the origin. On
+ * failure, returns NULL with an error whose message begins with the text `where`. */
 struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, gboolean fit,
                        GError **error);

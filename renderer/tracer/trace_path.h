@@ -42,6 +42,7 @@ typedef struct trace_picture {
 void trace_picture_free(TracePicture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TracePicture, trace_picture_free)
 
-/* Renders a picture. Reports the stage "trace" and can be cancelled. */
+/* Renders a picture. Reports its progress as the stage "trace" of `work`, and can be cancelled by
+ * `work`. Returns NULL with an error on failure. Free the picture with trace_picture_free(). */
 TracePicture *trace_render(const TraceScene *scene, const struct trace_options *options,
                            const struct work *work, GError **error);

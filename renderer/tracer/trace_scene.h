@@ -33,7 +33,7 @@ typedef struct trace_scene {
     GArray *surfaces;
     struct RTCDeviceTy *device; /* of Embree */
     struct RTCSceneTy *rays;    /* the triangles in Embree */
-    double reach;               /* radius of the sphere around middle that contains everything */
+    double reach;               /* radius of a sphere around `middle` with all triangles */
     struct vec3 middle;
     GArray *areas;           /* struct trace_area */
     GArray *part_areas;      /* gint64: index of the first area of each part, or −1 */
@@ -52,17 +52,18 @@ TraceScene *trace_scene_read(const char *path, GError **error);
 void trace_scene_free(TraceScene *scene); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
 
-/* Replaces all glTF materials of that name by the captured material `path`, a session or a file of
- * “mesorig compress”. A captured material emits no light. Fails if no material has this name, if a
- * mesh with such a material has no texture coordinates, or if the captured material cannot be
- * opened. tiles is the number of tiles of the captured material in one unit of the texture
- * coordinates. */
+/* Replaces all glTF materials whose name is `name` by a captured material. path is the directory of
+ * a session, or a file that “mesorig compress” wrote. A captured material emits no light. Fails if
+ * no glTF material has this name, if a mesh with this glTF material has no texture coordinates, or
+ * if the captured material cannot be opened. tiles is the number of tiles of the captured material
+ * in one unit of the texture coordinates. */
 gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
                                   double tiles, GError **error);
-/* Lets rays pass above the relief of the materials of this name, which must be captured materials.
- * At outlines, the surface behind the relief is then seen. At the edges of shadows, light passes.
- * mdf is the file of the distances. NULL means the file in the material's session. Fails if there
- * are no distances, or if the material does not state the size of a texel. */
+/* Lets rays pass above the relief of all materials whose name is `name`. They must have been
+ * replaced by trace_scene_set_material(). At outlines, the surface behind the relief is then seen.
+ * At the edges of shadows, light passes. mdf is the file of the distances. NULL means the file in
+ * the material's session. Fails if there are no distances, or if the material does not state the
+ * size of a texel. */
 gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
                                 GError **error);
 /* Sets the sky and takes ownership of it. NULL means black. */
@@ -73,15 +74,16 @@ void trace_scene_add_lamp(TraceScene *scene, double theta_deg, double phi_deg, d
  * above. */
 void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_deg, double fov_deg);
 
-/* Finds the nearest surface along a ray. If the ray passes above the relief of a surface, this
- * surface is skipped. Returns FALSE if there is no surface. Any thread may call it. */
+/* Finds the nearest surface along a ray, and sets *ret to the hit. If the ray passes above the
+ * relief of a surface, this surface is skipped. Returns FALSE if the ray meets no surface. Any
+ * thread may call this function and the next two. */
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret);
 /* Returns whether nothing lies between `from` and the point at this distance in this direction.
  * With the distance INFINITY, returns whether the sky is visible in this direction. */
 gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                              double distance);
-/* Returns the point at which a ray leaves a surface towards direction. The point is moved off the
- * surface, so that rounding errors do not make the ray hit it again. */
+/* Returns the point from which a ray in this direction leaves the surface that was hit. The point
+ * is moved off the surface, so that rounding errors do not make the ray hit it again. */
 struct vec3 trace_scene_leave(const TraceScene *scene, const struct trace_hit *hit,
                               struct vec3 direction);

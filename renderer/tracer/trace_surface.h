@@ -50,12 +50,14 @@ struct trace_hit {
  * the hemisphere. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
-/* Sets ret_rgb to f cos θ_l: the radiance reflected towards view for a radiance from light, per
- * solid angle. */
+/* Sets ret_rgb to f cos θ_l, where f is the reflectance and θ_l is the angle from the normal to
+ * `light`. This is the radiance that is reflected towards `view`, per unit of radiance and of solid
+ * angle that arrives from `light`. */
 void trace_surface_evaluate(const struct trace_surface *surface, struct trace_texel at,
                             struct vec3 view, struct vec3 light, double ret_rgb[3]);
-/* Draws a light direction. Returns the density per solid angle of *ret_light, or 0 if the light is
- * absorbed. ret_rgb is f cos θ_l. */
+/* Draws a light direction *ret_light, and sets ret_rgb to f cos θ_l for this direction. Returns the
+ * density per solid angle of this direction. Returns 0 and sets ret_rgb to black if `view` or the
+ * drawn direction is not above the surface, so that the path ends. *ret_light may then be unset. */
 double trace_surface_draw(const struct trace_surface *surface, struct trace_texel at,
                           struct vec3 view, enum trace_drawing drawing, struct trace_random *random,
                           struct vec3 *ret_light, double ret_rgb[3]);

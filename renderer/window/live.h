@@ -1,9 +1,9 @@
 /*
  * A session that is still being captured: its eigen-maps so far, which a separate thread computes,
  * and the list of planned views. Usually the eigen-maps are made from the views that processing has
- * written (products/btf). If more views have at least half of their pictures than processing has
- * written, the eigen-maps are made from the pictures so far and from predicted pictures
- * (live_pictures.h).
+ * written (products/btf). A view is called half captured if at least half of its pictures are
+ * measured. If there are more half captured views than written views, the eigen-maps are made from
+ * the pictures so far and from predicted pictures (live_pictures.h).
  */
 #pragma once
 
@@ -14,14 +14,15 @@
  * views. Returns NULL with an error on failure. Blocks. Any thread may call it. */
 struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error);
 
-/* Returns all planned views, a GArray of struct planned_view. Returns NULL with an error if session
- * is not a session. */
+/* Returns all planned views, a GArray of struct planned_view. `measured` of a view says whether
+ * processing has written the view. Free the array with g_array_unref(). Returns NULL with an error
+ * if session is not a session. */
 GArray *live_views(const char *session, GError **error);
 
 typedef struct Live Live; /* belongs to one thread */
 
 Live *live_new(const char *session);
-void live_free(Live *live); /* ends the thread when it reads the next file; NULL is ignored */
+void live_free(Live *live); /* waits until the thread has ended; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
 
 /* Returns immediately. If a computation has finished since the last call, returns its eigen-maps,

@@ -1,8 +1,9 @@
 /*
  * For the window: the pictures of a session so far, and the prediction of the others
- * (processing/partial). They are given as eigen-maps, which are needed before processing has
- * written a view, and as a line of text. The functions take seconds. A LivePictures belongs to one
- * thread at a time.
+ * (processing/partial). Measured and predicted pictures are returned together, as eigen-maps. The
+ * window needs these eigen-maps while processing has not written a view yet. A line of text says
+ * how many pictures are measured. The functions live_pictures_read() and live_pictures_eigenmaps()
+ * take seconds. A LivePictures belongs to one thread at a time.
  */
 #pragma once
 

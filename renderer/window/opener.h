@@ -9,6 +9,8 @@
 #include "drawing/methods/method.h"
 #include "scene/environment.h"
 
+/* What a file is opened for: the first material, the second material with which the first is
+ * compared, the MDF, or the environment. */
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_ENVIRONMENT, OPENER_PLACES };
 
 /* The result of opening a file for a place, or the error. */
@@ -28,8 +30,8 @@ struct GLFWwindow;
 
 /* Makes an opener. The context of the window is current before and after the call. */
 Opener *opener_new(struct GLFWwindow *window, GError **error);
-/* Frees the opener. A job under way ends as soon as the next piece of its file is read. NULL is
- * ignored. */
+/* Cancels all jobs and frees the opener. Waits for the job under way, which ends when the next
+ * piece of its file has been read. NULL is ignored. */
 void opener_free(Opener *opener);
 
 /* Requests to open a file for a place. Cancels and replaces an earlier request for this place.

@@ -8,9 +8,10 @@
 struct mesh *scene_files_mesh(const struct viewer_options *options, const char *shape,
                               const struct scene_options *how, GError **error);
 
-/* Adds the materials of --material to a viewer. A session is drawn by `method` if --method names it
- * and it can draw sessions. Otherwise a session is drawn by the method that method_of_session()
- * returns. If relief is TRUE, the MDFs of the materials are also added if they exist. */
+/* Adds the materials of --material to a viewer. A session is drawn by `method` if --method names
+ * `method` and `method` can draw sessions. Otherwise a session is drawn by the method that
+ * method_of_session() returns. If relief is TRUE, the MDFs of the materials are also added if they
+ * exist. */
 gboolean scene_files_open(const struct viewer_options *options, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error);
 

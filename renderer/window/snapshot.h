@@ -5,7 +5,7 @@
 #include "viewer_options.h"
 
 struct snapshot {
-    const char *material; /* path; only its last parts are written */
+    const char *material; /* path; written as NAME, or as SESSION/products/NAME */
     const char *shape;
     /* `second` is the method with which `first` is compared, or NULL. */
     const struct method *first, *second;

@@ -1,8 +1,9 @@
 /*
  * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All functions belong
- * to the thread of the window's GL context. Text is UTF-8. In every frame, each call between
- * ui_begin() and ui_end() adds a control. The call returns TRUE if the user has just changed this
- * control.
+ * to the thread of the window's GL context. Text is UTF-8. In every frame, the program calls a
+ * function for each control, between ui_begin() and ui_end(). The call adds the control to the
+ * frame. If the function returns a gboolean, it returns TRUE if the user has just changed the
+ * control or pressed the button, unless the comment of the function says otherwise.
  */
 #pragma once
 
@@ -54,7 +55,8 @@ gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);
 void ui_note(const char *text); /* shows highlighted text */
-/* *chosen is an index of names. format is for printf() with a double. */
+/* *chosen is the index, in `names`, of the name that is chosen. `format` of the following functions
+ * is the format of the number for printf(), which gets a double. */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
 /* Adds a slider with a logarithmic scale. low must be above 0. */

@@ -21,7 +21,7 @@ struct window_result {
 };
 
 /* Runs the window until the user closes it. Fails if there is no window, or if the card cannot
- * draw. With close_after it also fails if the material, the shape or the environment cannot be
- * opened. */
+ * draw. If options->close_after is not 0, it also fails if the material, the shape or the
+ * environment cannot be opened. */
 gboolean window_run(const struct viewer_options *options, struct window_result *ret,
                     GError **error);

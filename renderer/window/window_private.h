@@ -105,6 +105,8 @@ void window_clear_sources(struct window *w);
 /* window_open.c: opens a file that the user has chosen. */
 void window_open(struct window *w, const char *path);
 void window_open_first(struct window *w);
+/* Replaces the mesh by that of a shape. The numbers of tiles are those in the settings `tiles`, or
+ * those of the shape if tiles is NULL. */
 void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
 void window_scale_tiles(struct window *w, double factor);
 void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialog */
@@ -158,6 +160,8 @@ gboolean window_save(struct window *w, const char *path, gboolean force, GError 
 /* Saves the picture like window_save(), and shows the path or the error to the user. */
 void window_save_named(struct window *w, const char *path, gboolean force);
 void window_screenshot(struct window *w); /* saves the picture under the next free name */
+/* Returns the next free name for a picture, without its folder. *ret_folder receives the folder.
+ * Free both with g_free(). */
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 

@@ -1,8 +1,9 @@
 /*
  * Local PCA as Schneider 2004 §6 draws it. The eigen-BRDFs are sampled on a regular grid of the
- * elevated concentric map, for views and for lights (lpca_resample.h). A 3D texture has n volumes
- * per table, one for each t_l. A volume has the axes (s_v, t_v, s_l). The volumes are stacked along
- * the third axis. The card interpolates three of the four coordinates, and the shader the fourth:
+ * elevated concentric map, for views and for lights (lpca_resample.h). Let n be the number of
+ * samples in each direction of the grid. A 3D texture has n volumes for each table, one for each
+ * sample of t_l. A volume has the axes (s_v, t_v, s_l). The volumes are stacked along the third
+ * axis. The card interpolates three of the four coordinates, and the shader the fourth:
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).
  *

@@ -52,7 +52,7 @@ void lpca_texels_clear(struct lpca_texels *texels);
 /* Returns the constants of lpca_texel.glsl; see struct method. Free them with g_free(). */
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
 
-/* Stores the columns and rows of level 0. Returns TRUE. */
+/* Sets ret to the numbers of columns and rows of level 0. Always returns TRUE. */
 gboolean lpca_texels_size(const struct lpca_texels *texels, int ret[2]);
 gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 

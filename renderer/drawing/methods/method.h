@@ -29,7 +29,7 @@ struct method_style {
 struct method {
     const char *name;       /* value of --method */
     const char *title;      /* name for users */
-    const char *product;    /* its file in products/ of a session; NULL if it needs no file */
+    const char *product;    /* file in products/ of a session; NULL if the method needs no file */
     const char *made_by;    /* command that makes the file; NULL if it needs no file */
     gboolean takes_normals; /* a normal map (normal_map.h) may replace the method's normals */
     /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. directions.glsl comes

@@ -13,9 +13,9 @@
  * Between two mip levels, each read of a texture is interpolated, and the network is evaluated
  * once. The card computes the mip levels that a file lacks, and all levels of the heights.
  *
- * For an even sky, (1/π) ∫ B dω is computed beforehand for each texel and SKY × SKY views, as a sum
- * over 16 lights. It is read at the place where the ray ends. If the material has many texels, the
- * texels of a coarser mip level are used.
+ * For an even sky, (1/π) ∫ B dω is computed beforehand for each texel and NEURAL_SKY × NEURAL_SKY
+ * views (neural_drawing.h), as a sum over 16 lights. It is read at the place where the ray ends. If
+ * the material has many texels, the texels of a coarser mip level are used.
  */
 #pragma once
 

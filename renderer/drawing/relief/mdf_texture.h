@@ -41,8 +41,8 @@ gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
  * Fails if the depths are too large for the card. */
 gboolean mdf_texture_make_along(MdfTexture *texture, GError **error);
 
-/* Sets these textures and uniforms of a program in use, at units 8 to 10 and 13. Does nothing
- * before mdf_texture_make_along(). */
+/* Sets the textures that mdf_texture_make_along() has made, and their uniforms, in a program in
+ * use. The textures use the units 8 to 10 and 13. Does nothing before mdf_texture_make_along(). */
 void mdf_texture_bind_along(const MdfTexture *texture, guint program);
 
 /* Returns the width and height of the sample in mm. */

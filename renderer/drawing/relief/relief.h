@@ -59,6 +59,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError
 #define RELIEF_FURTHER_UNIT 14 /* unit of the shadow maps of further lamps */
 #define RELIEF_DEPTHS_UNIT  16 /* unit of the depths of the first lamp's shadow map */
 
-/* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use, for parts with
- * this material. */
+/* Sets the textures and uniforms of the relief in a program in use, for parts with this material.
+ * The textures use the units VISIBILITY_UNIT, VISIBILITY_UNIT + 1, RELIEF_FURTHER_UNIT and
+ * RELIEF_DEPTHS_UNIT. If rays are marched through the shell of the material's MDF, the function
+ * also calls mdf_texture_bind_along(), which uses further units after mdf_texture_make_along(). */
 void relief_bind(const Relief *relief, int material, guint program);

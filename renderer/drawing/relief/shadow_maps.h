@@ -21,7 +21,8 @@ void shadow_maps_free(ShadowMaps *maps); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowMaps, shadow_maps_free)
 
 struct shadow_scene {
-    /* The caller sets all elements but sight, reach, projection, width, height and base_only. */
+    /* The caller sets all members except `sight`, `reach`, `projection`, `width`, `height` and
+     * `base_only`. */
     struct visibility_scene casting;
     double radius; /* radius of a sphere around the origin that contains the mesh */
     guint serial;  /* a different number for each mesh */
@@ -54,7 +55,9 @@ void shadow_maps_forget(ShadowMaps *maps); /* shadow_maps_find() then draws all 
 
 guint shadow_maps_texture(const ShadowMaps *maps);
 
-/* Computes the direction of a map's +x as a unit vector. The map's +y is towards × right. */
+/* Sets ret to the unit vector along +x of a map. towards is the unit vector opposite to the
+ * direction in which the map looks. For a distant lamp, this is the unit vector towards the lamp.
+ * The map's +y is towards × ret. */
 void shadow_maps_right(const float towards[3], float ret[3]);
 
 /* Computes three lengths for shaders, in world units. ret[0] is the distance, towards the lamp,

@@ -60,7 +60,8 @@ struct visibility_scene {
     float sight[4];
     float reach;       /* for an eye infinitely far away: a length larger than any in the scene */
     int width, height; /* of the resulting texture */
-    /* TRUE if the caller needs only the distances to the mesh and to the base. */
+    /* TRUE if the caller needs only the distances to the mesh and to the base of the structure; see
+     * visibility_find(). */
     gboolean base_only;
     struct visibility_options options;
 };
