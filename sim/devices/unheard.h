@@ -16,8 +16,8 @@ struct sim_unheard {
     gint64 dead_until_us; /* end of the time dead_s, on the rig's clock */
 };
 
-/* The options of a struct sim_unheard, for the table of options of a driver. `at` is the offset of
- * the struct sim_unheard in the driver's struct. */
+/* The rows of a driver's table of options that set a struct sim_unheard. `at` is the offset of the
+ * struct sim_unheard in the driver's struct. */
 /* clang-format off */
 #define SIM_UNHEARD(at, field) ((at) + G_STRUCT_OFFSET(struct sim_unheard, field))
 #define SIM_UNHEARD_OPTIONS(at)                                                                    \

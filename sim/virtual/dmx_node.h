@@ -13,8 +13,9 @@
 
 typedef struct VirtualDmx VirtualDmx;
 
-/* Returns an address of the loopback interface for which no other test asks at the same time. i is
- * 0 to 7. */
+/* Returns an address of the loopback interface that depends on the process and on i, which is from
+ * 0 to 7. Tests that run at the same time in different processes therefore get different
+ * addresses. */
 const char *virtual_dmx_address(int i);
 
 struct virtual_dmx_options {

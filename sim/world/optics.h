@@ -148,6 +148,7 @@ void optics_add_glare(const struct optics_camera *camera, float *rate);
 
 /* Sets ret_pixels to what a sensor reads, in DN, for a picture of rates in DN·s⁻¹. Includes photon
  * and read noise, black level, offsets of columns, gain of the two halves, saturation and ADC. If
- * rate is NULL, the picture is dark. */
+ * rate is NULL, the picture is dark. key is the seed of the random numbers. If noise is FALSE,
+ * there is no photon noise and no read noise. */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

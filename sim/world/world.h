@@ -66,9 +66,9 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us);
 void world_mount_laser(World *world, int laser, int place);
 
 /* Switches a lamp on or off at the time at_us. The lamp's output then follows its warm-up curve
- * and, if the world file says so, a slow drift. From the end of the warm-up on, the curve is
- * exactly the full output. A dead lamp (world_set_lamp_dead(), or the key dead of the world file)
- * gives no light. */
+ * and, if the world file says so, a slow drift and a flicker from exposure to exposure. From the
+ * end of the warm-up on, the curve is exactly the full output. A dead lamp (world_set_lamp_dead(),
+ * or the key dead of the world file) gives no light. */
 void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us);
 void world_set_lamp_dead(World *world, int lamp, gboolean dead);
 double world_lamp_warm_up_s(const World *world);

@@ -1,7 +1,8 @@
 /*
- * The cache keeps parts of pictures up to a limit of memory. When the limit is exceeded, the least
- * recently used parts are removed. A value depends only on its key, so the state of the cache never
- * affects a picture.
+ * The cache keeps parts of pictures up to a limit of memory. When the limit is exceeded, parts that
+ * are not in use are removed, the least recently used part first. Parts between cache_get() and
+ * cache_release() are in use, and may together exceed the limit. A value depends only on its key,
+ * so the state of the cache never affects a picture.
  *
  * Any thread may call the functions. If two threads request the same value, the first thread makes
  * the value and the second thread waits. No lock is held while a value is made.

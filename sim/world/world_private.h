@@ -152,8 +152,8 @@ struct light_pose {
     double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if the probe carries the lamp, otherwise 0 */
-    /* The frame of the pose does not tilt with the turntable. If the turntable is at 0, it is the
-     * rig frame. */
+    /* TRUE if the frame of the pose does not tilt with the turntable. With the turntable at 0, this
+     * frame is then the rig frame. */
     gboolean upright;
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,

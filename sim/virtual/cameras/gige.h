@@ -5,8 +5,8 @@
  * options->picture.
  *
  * Aravis also has a fake camera. But the fake camera has no resend, no time stamp latch, no
- * exposure that takes time and no trigger line, so these could not be tested with it. It does not
- * answer on its control channel while it makes a picture.
+ * exposure that takes time and no trigger line, so tests of these functions need another camera.
+ * The fake camera also does not answer on its control channel while it makes a picture.
  *
  * Any address of 127.0.0.0/8 can be used without setting up a network. Any thread may call these
  * functions, except virtual_gige_new() and virtual_gige_free().

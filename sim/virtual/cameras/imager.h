@@ -43,7 +43,8 @@ struct virtual_camera_options {
 };
 
 /* The faults that the function virtual_…_fail() sets. Members of type int, except mtu, are numbers
- * of pictures or triggers that are still affected. Each fault decreases its number by one. */
+ * of pictures or triggers that will be affected. Each affected picture or trigger decreases the
+ * number by one. */
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle and cannot be resent */
     int blind;           /* triggers that are acknowledged but make no picture */

@@ -29,7 +29,8 @@ struct virtual_ptpip_options {
 };
 
 /* The faults that virtual_ptpip_fail() sets. Members of type int, except battery, are numbers of
- * operations that are still affected. Each fault decreases its number by one. */
+ * triggers, pictures or downloads that will be affected. Each of them decreases the number by
+ * one. */
 struct virtual_ptpip_faults {
     int busy;       /* triggers that are refused because the camera is busy */
     int unanswered; /* triggers that are obeyed but never answered */

@@ -5,7 +5,8 @@
  * come from the function options->picture. Exposures take place in real time, in a separate thread
  * of the camera. A process sees the camera only after testbed_enter().
  *
- * Any thread may call these functions, except new, free, plug and unplug.
+ * Any thread may call these functions, except virtual_u3v_new(), virtual_u3v_free(),
+ * virtual_u3v_plug() and virtual_u3v_unplug().
  */
 #pragma once
 

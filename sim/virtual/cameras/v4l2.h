@@ -55,8 +55,9 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults giv
 /* Makes a camera. Strings are copied. */
 VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config);
 
-/* Makes a camera that shows the world as the camera of the world with this name. Size, bits and
- * colours are those of the camera of the world. */
+/* Makes a camera that delivers the pictures of a camera of the simulated world. `camera` is the
+ * name of the world's camera, from which the new camera also takes size, bits and colour filter
+ * array. Returns NULL with an error if the world has no such camera. */
 VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, World *world,
                                     const char *camera, GError **error);
 void virtual_v4l2_free(VirtualV4l2 *camera); /* NULL is ignored */

@@ -55,7 +55,7 @@ struct VirtualV4l2 {
     int n_threads;
     gint64 first_us;   /* time of frame 0; frame n begins n frame intervals later */
     gint64 changed_us; /* time when a control was last set */
-    /* exposure time of frames that begin now; changes of the controls change it later */
+    /* exposure time of frames that begin now; a change of a control takes effect one frame later */
     gint64 exposure_us;
     double gain_db;
     guint16 *pixels; /* the latest picture */

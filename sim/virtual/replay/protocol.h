@@ -12,15 +12,17 @@ struct replay_protocol {
      * pointer is NULL if each message is one request. */
     gsize (*cut)(const char *bytes, gsize n);
 
-    /* Returns the request without the parts that change from run to run, such as its number. Free
-     * it with g_bytes_unref(). Returns NULL if the request must be ignored. */
+    /* Returns the request without the parts that change from run to run, such as the number of the
+     * request. Free the result with g_bytes_unref(). Returns NULL if the request must be
+     * ignored. */
     GBytes *(*key)(const guint8 *bytes, gsize n);
 
     /* Returns the name of the stream of a request. Free it with g_free(). Streams are polls, writes
      * to a watchdog, and levels that are sent again and again. A request that repeats the last
-     * request of its stream is no news. It may come more often or less often than in the recording,
-     * as long as its answer does not change. Commands are in the stream "", in which every request
-     * is news. sections is the text of the rig file's sections. */
+     * request of its stream may come more often or less often than in the recording, as long as its
+     * answer does not change. Commands are in the stream "", in which every request must come as in
+     * the recording, even if it repeats the last one. sections is the text of the rig file's
+     * sections. */
     char *(*stream)(const guint8 *key, gsize n, const char *sections);
 
     /* Returns whether a message is an answer to this request. Otherwise the device sends the
@@ -28,11 +30,11 @@ struct replay_protocol {
      * up to the next request is an answer. */
     gboolean (*answers)(const guint8 *request, gsize n, const guint8 *message, gsize size);
 
-    /* Returns the message with the number of the request. Free it with g_bytes_unref(). The pointer
-     * is NULL if messages have no numbers. */
+    /* Returns the recorded message with its number replaced by the number of this request. Free it
+     * with g_bytes_unref(). The pointer is NULL if messages have no numbers. */
     GBytes *(*adapt)(GBytes *message, const guint8 *request, gsize n);
 };
 
-/* Returns the protocol of a bus, or NULL if it cannot be replayed. sections is the text of the rig
- * file's sections. */
+/* Returns the protocol of a kind of bus, or NULL if such a bus cannot be replayed. sections is the
+ * text of the rig file's sections. */
 const struct replay_protocol *replay_protocol_find(const char *kind, const char *sections);

@@ -25,8 +25,8 @@ struct recorded {
 };
 typedef struct recorded Recorded;
 
-/* Parses a text. path names it in errors. Returns NULL on failure, with G_IO_ERROR_INVALID_DATA and
- * an error that begins with path and line. */
+/* Parses the text of a recording. path is the name of the recording in errors. Returns NULL on
+ * failure, with G_IO_ERROR_INVALID_DATA and an error that begins with path and line. */
 Recorded *recorded_parse(const char *text, const char *path, GError **error);
 void recorded_free(Recorded *recorded); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Recorded, recorded_free)

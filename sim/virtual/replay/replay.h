@@ -19,9 +19,10 @@
 typedef struct Replay Replay;
 
 /* Starts the devices. Keeps recorded, which must stay valid. pipe is the path of a Python program
- * that takes the place of a replayed program. It passes its input to the socket that its argument
- * names, and writes what comes from the socket to its output. Buses that cannot be replayed, such
- * as those of cameras, are left out. Returns NULL with an error if a device cannot be made. */
+ * that takes the place of a replayed program. The Python program sends its standard input to the
+ * socket that its argument names, and writes what it receives from this socket to its standard
+ * output. Buses that cannot be replayed, such as those of cameras, are left out. Returns NULL with
+ * an error if a device cannot be made. */
 Replay *replay_new(const Recorded *recorded, const char *pipe, GError **error);
 void replay_free(Replay *replay); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Replay, replay_free)

@@ -11,7 +11,7 @@ struct steps;
 struct steps *steps_new(const Recorded *recorded, int bus, const struct replay_protocol *protocol);
 void steps_free(struct steps *steps); /* NULL is ignored */
 
-/* Returns the messages that the device sends before the first request, of GBytes. */
+/* Returns an array of GBytes: the messages that the device sends before the first request. */
 const GPtrArray *steps_greeting(const struct steps *steps);
 
 enum steps_result {

@@ -141,7 +141,8 @@ void rig_free_gcode(VirtualRig *rig);
 gboolean rig_is_serial(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_add_leds(VirtualRig *rig, const struct config_section *section, GError **error);
 void rig_couple_leds(VirtualRig *rig);
-gboolean rig_plug_leds(VirtualRig *rig, const char *where, gboolean plugged); /* as above */
+/* Does the same as rig_plug_gcode() for a serial LED controller. */
+gboolean rig_plug_leds(VirtualRig *rig, const char *where, gboolean plugged);
 void rig_add_leds_state(VirtualRig *rig, struct virtual_rig_state *to);
 void rig_free_leds(VirtualRig *rig);
 gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);

@@ -75,8 +75,10 @@ guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
 /* Adds two triangles. The corners are counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
-/* Adds the quads between n + 1 rings of vertices that follow each other. The outward normal is
- * (direction around a ring) × (direction from ring to ring), or the opposite if flip is set. */
+/* Adds the quads that join n + 1 rings of vertices, each ring to the next. A ring has `around`
+ * vertices. The vertices of all rings have consecutive indices, ring by ring, from the index
+ * `first` on. The outward normal is (direction around a ring) × (direction from ring to ring), or
+ * the opposite of this if flip is TRUE. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
 /* Returns the number of periods that fits a length best. The number is a multiple of unit, and at
  * least unit. */
@@ -84,6 +86,8 @@ int sample_count(double length_mm, double period_mm, int unit);
 /* Computes the normals of the vertices from first_vertex on. A normal is the mean of the normals of
  * the triangles from first_triangle on that meet at the vertex, weighted by their areas. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
+/* Sets `to` to the R, G and B of an option. One given value is used for all three. If no value is
+ * given, `to` becomes r, g, b. */
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
 /* Sets the gloss of a vertex from the options. gloss, along and across are the values of the kind
  * of sample. They are used where the options have a gloss below 0 or a roughness that is not above
@@ -94,8 +98,9 @@ void sample_set_gloss(struct vertex *to, const struct sample_options *options, d
  * FALSE. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
-/* Adds a surface z(x, y) on a grid, with walls down to the turntable. The function relief gets a
- * vertex with p[0] and p[1], and sets p[2], albedo and gloss. */
+/* Adds a surface z(x, y) on a grid of nx × ny cells over the size in the options, with walls down
+ * to the turntable. The function `relief` is called for each vertex of the grid. It gets a vertex
+ * whose p[0] and p[1] are set, and sets p[2], the albedo and the gloss. */
 typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);
