@@ -18,8 +18,8 @@
  * suite for an axis moves the axis between a quarter and three quarters of its range, or of a turn
  * if the axis wraps. The struct, and what it points to, must live until the tests have run.
  *
- * A skeleton of contrib/new-driver, whose open() says that it is not implemented, passes: all
- * checks that need an open device are skipped.
+ * A skeleton of contrib/new-driver passes. Its open() fails with an error that says that it is not
+ * implemented, and all checks that need an open device are then skipped.
  *
  * The checks of lost answers need a device that can be made to fail: by fail(), or by the options
  * fault_unheard and fault_dead_s of a simulated driver. These checks are skipped for other drivers.
@@ -74,8 +74,10 @@ void conformance_pass(Clock *clock, double seconds);
  * *error. */
 void conformance_expect_error(GError **error, GQuark domain, int code, const char *words);
 
+/* Returns the number of descriptors that are open in this process. */
 int conformance_open_files(void);
 
-/* Runs the main loop until at most this number of descriptors is open, because threads of this
- * process may close theirs a little later. Fails the test after limit_s, usually WAIT_S. */
+/* Runs the main loop until the process has at most `files` open descriptors. This may take a
+ * moment, because threads of the process close their descriptors a little later. Fails the test
+ * after limit_s, which is usually WAIT_S. */
 void conformance_expect_files(const struct conformance *with, int files, int limit_s);

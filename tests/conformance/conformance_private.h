@@ -39,10 +39,11 @@ struct conformance_safety {
 };
 void conformance_on_safety(struct device *device, const GError *error, gpointer safety);
 
-/* Makes a device fail. conformance_fault_keys() returns keys with which a simulated device loses
- * the answer to its n-th command and is dead for 5 s afterwards; g_free(). For other devices it
- * returns "", and conformance_fail() calls with->fail(). conformance_fail() does nothing to
- * simulated devices. */
+/* These two functions make a device fail. For real or virtual devices, conformance_fail() calls
+ * with->fail(), and conformance_fault_keys() returns "". For a simulated device, with->fail is
+ * NULL, and conformance_fail() does nothing. A simulated device fails by the keys that
+ * conformance_fault_keys() returns for its section. With these keys, the device loses the answer to
+ * its n-th command, and is dead for 5 s afterwards. Free the keys with g_free(). */
 char *conformance_fault_keys(const struct conformance *with, int n);
 void conformance_fail(const struct conformance *with, enum conformance_fault fault);
 

@@ -1,12 +1,13 @@
 /*
  * Checks that a driver reports as the header of its class demands: once for each command that it
- * accepted, and never from within the call. The classes ignore most surplus reports, so that
- * listeners do not see them. The linker therefore sends the drivers' calls of lamps_report() and
+ * accepted, and never from within the call. The classes ignore most surplus reports, so listeners
+ * do not see surplus reports. The linker therefore sends the drivers' calls of lamps_report() and
  * the like through this module (--wrap, in tests/CMakeLists.txt). A report that no command waits
  * for ends the test program.
  *
- * Each function returns a driver that passes all calls on to the given one. It is valid until the
- * next call of the same function. Only one device of a class may be open with it at a time.
+ * Each function returns a driver that passes all calls on to the driver that was given. The
+ * returned driver is valid until the next call of the same function. Only one device at a time may
+ * be open with the returned driver.
  */
 #pragma once
 

@@ -18,11 +18,11 @@ void axis_bench_begin(struct axis_bench *bench, const struct axis_driver *driver
                       const char *text, const char *keys);
 void axis_bench_end(struct axis_bench *bench);
 
-/* Waits for an event, at most a minute. Fails if it is another one, or if it has an error and is
- * not AXIS_FAULT. */
+/* Waits until the axis has reported, as conformance_wait() with a limit of 60 s. Fails the test if
+ * the last event is not `event`, or has an error. Only AXIS_FAULT may have an error. */
 void axis_bench_expect(struct axis_bench *bench, enum axis_event event);
 
-/* Wait until the axis has arrived. */
+/* These two functions give the command, and wait until the axis has arrived. */
 void axis_bench_home(struct axis_bench *bench);
 void axis_bench_move(struct axis_bench *bench, double deg);
 

@@ -9,7 +9,7 @@
 #include "small_rig.h"
 
 struct bus_peer {
-    /* session: a path at which a session may be made */
+    /* `session` is a path at which a test may make a session */
     char *folder, *address, *rig, *conf, *session;
     Bus *bus;
     BusServer *server;

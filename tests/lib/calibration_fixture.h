@@ -31,8 +31,8 @@ struct fixture_rig {
     double lateral_colour; /* of all lenses: red is magnified by 1 + this, blue by 1 − this */
 };
 
-/* One placement of the board on the turntable: its tilt and the azimuth towards which it is tilted,
- * its turn about its normal, and its shift. */
+/* One placement (“lay”) of the board on the turntable: its tilt and the azimuth towards which it is
+ * tilted, its turn about its normal, and its shift. */
 struct fixture_lay {
     double tilt_deg, towards_deg, turn_deg, x_mm, y_mm;
 };
@@ -59,6 +59,8 @@ void boards_open(struct fixture *f, const struct fixture_rig *options,
 void boards_capture(struct fixture *f, int n_stops);
 void boards_close(struct fixture *f);
 struct picture *boards_copy(const struct picture *from);
+/* Returns a copy of picture i. data is a struct fixture. The function has the type of the reader
+ * that calibration calls for each picture. */
 struct picture *boards_read(int i, gpointer data, GError **error);
 
 /* Returns the RMS distance in pixels between the true and the calibrated projections of points of

@@ -30,6 +30,8 @@ void run_change_rig(struct run *run, const struct change *changes);
 
 void run_start(struct run *run);
 struct run *run_begin(const struct change *changes); /* calls run_new() and run_start() */
+/* run_resume() frees the capture, and continues its session as after a crash (capture_resume()).
+ * run_continue() continues a paused capture (capture_continue()). */
 void run_resume(struct run *run);
 void run_continue(struct run *run);
 struct capture_status run_status(struct run *run);
@@ -56,5 +58,5 @@ void run_check_same_frames(const char *expected_path, const char *session_path);
 void run_check_same(struct run *run);
 /* Checks that the session is done and that every frame of a done shot exists. */
 void run_check_whole(const char *path);
-/* Runs to the end, does the two checks above, and frees the run. */
+/* Calls run_to_end(), run_check_whole() and run_check_same(), and frees the run. */
 void run_finish(struct run *run);

@@ -15,4 +15,6 @@ typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v
                              double ret[3]);
 void formula_compare(Expected func, gconstpointer data, Viewer *view,
                      const struct viewer_settings *settings);
+/* Sets the mesh of a viewer. Sets `settings` to the defaults, except for a fixed distance of the
+ * camera, polar angle of the lamp and numbers of tiles. */
 void formula_start_view(Viewer *view, struct viewer_settings *settings, const struct mesh *mesh);

@@ -53,8 +53,9 @@ void eye_expect_lost(struct eye *eye, enum device_error code, const char *words)
 void eye_check_times(struct eye *eye, int shots, gint64 exposure_us,
                      gint64 (*triggered_us)(const struct eye *eye));
 
-/* Takes a picture of painted.h in each pixel format, and checks that the frame shows what was
- * painted. more has further lines of the section. */
+/* A pixel format and its bits for eye_check_formats(), which takes a picture of painted.h in each
+ * of n formats, and checks that the frame shows what was painted. name is the end of the format's
+ * name, such as "12Packed". more has further lines of the section. */
 struct eye_depth {
     const char *name;
     int bits;
@@ -68,6 +69,8 @@ void eye_check_formats(struct eye *eye, enum cfa cfa, const struct eye_depth *de
 void eye_check_part(struct eye *eye);
 void eye_check_settings(const struct virtual_camera_state *state);
 
+/* Fails the test unless the last error of the eye has the DEVICE_ERROR code `what` and a message
+ * that contains text. */
 #define eye_assert_said(eye, what, text)                                                           \
     do {                                                                                           \
         g_assert_error((eye)->error, DEVICE_ERROR, (int)(what));                                   \

@@ -42,8 +42,10 @@ void grey_truth(const char *folder, const char *id, int days);
     "depth_mm=4\n[views]\nrings=10:2; 40:2:20; 65:2\n[lights]\nrings=15:2; 45:2\n"                 \
     "offset_deg=50\n[capture]\nexposures_us=4000\ndark_frames=2\n"
 
-/* Captures a session of a rig in which something may have moved. Returns the reason of the pause
- * or, if the capture did not pause, its events. */
+/* Captures the session GREY_FEW_CONF of a rig in which something may have changed since its
+ * calibration. world_keys are further lines for the second camera in world.conf, or NULL.
+ * turntable_keys are further lines for the turntable in rig.conf. Returns the reason of the pause.
+ * If the capture did not pause, returns its events. Free the text with g_free(). */
 char *grey_pause(int seed, const char *world_keys, const char *turntable_keys,
                  enum capture_state *ret_state);
 

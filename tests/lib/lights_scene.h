@@ -304,8 +304,8 @@ static inline double scene_turn_deg(const struct scene_poses *poses, int turn) {
     return 360.0 * turn / poses->turns;
 }
 
-/* Chooses arc angles so that, over all turntable angles, the lamps are distributed all around the
- * sample, and so are the angles of the arc itself. */
+/* Returns arc angle number `arc` for turntable angle number `turn`. Over all turntable angles, the
+ * lamps come from all sides of the sample, and the arc takes angles all around its axis. */
 static inline double scene_arc_deg(const struct scene_poses *poses, int turn, int arc) {
     return 37 + 360.0 * arc / poses->arcs + 100.0 * turn;
 }

@@ -12,9 +12,9 @@ enum line { LASER, BANK, DOOR, TURNTABLE, ARC, SWEEP, N_DEVICES };
 
 #define LINES_DEAD_S 5
 
-/* GONE: the line is closed. SILENT: the device does not answer. DEAF: coils do not switch, although
- * the device answers that they do. LOST: the next command is carried out but not answered, and the
- * device does not answer for LINES_DEAD_S after it. */
+/* GONE: the line is closed. SILENT: no request reaches the device, so it does not answer. DEAF:
+ * coils do not switch, although the device answers that they do. LOST: the next command is carried
+ * out but not answered, and the device does not answer for LINES_DEAD_S after it. */
 enum line_failure { GONE, SILENT, DEAF, LOST };
 
 struct lines {
@@ -24,10 +24,11 @@ struct lines {
 };
 
 extern const char *const lines_names[N_DEVICES]; /* names as in messages */
-extern const char *const lines_failures[];       /* their names */
+extern const char *const lines_failures[];       /* names of the failures, by enum line_failure */
 
 gboolean lines_is_axis(enum line line); /* axes are on serial lines, other devices on TCP */
-/* axes and inputs have no light, so DEAF and LOST do not apply to them */
+/* Returns the number of failures that apply to a line, which are the first ones of enum
+ * line_failure. Axes and inputs have no light, so DEAF and LOST do not apply to them. */
 int lines_n_failures(enum line line);
 
 /* Opens the devices, with the interlock closed, and writes the rig file to text. */
@@ -35,7 +36,7 @@ void lines_open(struct lines *lines, const char *world);
 void lines_close(struct lines *lines);
 
 VirtualModbus *lines_new_device(gboolean rtu); /* virtual_modbus_free() */
-void lines_write(struct lines *lines);         /* writes text again */
+void lines_write(struct lines *lines);         /* makes `text` again from the present devices */
 void lines_fail(struct lines *lines, enum line line, enum line_failure how);
 /* Ends SILENT, DEAF and LOST. */
 void lines_repair(struct lines *lines, enum line line);

@@ -1,4 +1,5 @@
-/* The expected pictures of models of each texel: their values, with simple filtering. */
+/* The expected picture of a material with a model for each texel (lobes.h). The expected value of a
+ * pixel is interpolated bilinearly between the values of four texels. */
 #pragma once
 
 #include "btf/direction_grid.h"
@@ -26,7 +27,8 @@ struct scene {
 gboolean lobes_scene_expected(gconstpointer data, const float *at, const float *v, const float *l,
                               double ret[3]);
 
-/* Draws the file with the method and compares the picture with the scene, whose views are set here.
- * refuses is a method that must refuse the file with an error that names the model, or NULL. */
+/* Draws the file at `path` with the method, and compares the picture with the expected values of
+ * the scene. The function sets scene->views. refuses is NULL, or a method that must refuse the file
+ * with an error that contains the text `model`. */
 void lobes_scene_compare(struct scene *scene, const struct method *method, const char *path,
                          const struct method *refuses, const char *model);

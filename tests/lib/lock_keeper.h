@@ -10,5 +10,6 @@
 GSubprocess *lock_keeper_start(const char *key);
 void lock_keeper_end(GSubprocess *keeper);
 
-/* Checks that the error says that this process holds the lock of a device, and clears the error. */
+/* Checks that the error says that the process `keeper` holds the lock of a device, and clears the
+ * error. */
 void lock_keeper_expect(GSubprocess *keeper, GError **error);

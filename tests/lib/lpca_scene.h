@@ -28,8 +28,9 @@ struct scene { /* one picture, and the data from which its expected values are c
  * NULL fails the test. */
 void lpca_scene_compare(const struct scene *scene, const struct method *method, gpointer material);
 
-/* Does the same with the pairs of measured directions, or with a grid of directions if n_grid is
- * not 0. */
+/* Does the same for a local PCA. If n_grid is 0, method_lpca draws the picture, with pairs of
+ * measured directions. Otherwise method_lpca_grid draws the picture, with n_grid samples in each
+ * direction. */
 void lpca_scene_check(struct lpca *lpca, gboolean nearest, double ambient, int n_grid);
 
 /* Computes the expected value of a pixel from level 0. data is a struct scene. */

@@ -40,8 +40,9 @@ void near_field_towards(const double at[3], const double from[3], double ret[3])
 void near_field_camera_at(const struct rings *views, int view, double ret[3]);
 void near_field_lamp_at(const struct rings *lights, int view, int light, double ret[3]);
 
-/* Computes a diffuser with a broad gloss. width is at least half of the distance of the rings. The
- * result contains n·l. */
+/* Computes the reflectance times n·l of a diffuser with a broad gloss. The gloss is 0.8 exp(−(tan
+ * θ_h / width)²), where θ_h is the angle from the normal to the half vector. If width is 0, there
+ * is no gloss. */
 double near_field_formula(const double view[3], const double light[3], double width, int colour);
 
 struct wish { /* properties of a session */

@@ -8,5 +8,6 @@
  * first difference, or NULL; g_free(). */
 char *replaying(const Recorded *recorded);
 
-/* Replays the text of a recording. A difference fails the test. path names it. */
+/* Replays the text of a recording. A difference fails the test. path is the name of the recording
+ * in messages. */
 void replaying_well(const char *text, const char *path);

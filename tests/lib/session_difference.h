@@ -20,7 +20,9 @@ struct difference_sums {
     gint64 n, unequal, all;
 };
 
-/* folder is "frames", "products/btf" or, with holes, "products" for mdf.exr only. Every file of
- * session a must also be in b. */
+/* Compares the EXR files in a folder of session a with the files of the same names in session b.
+ * Every file of session a must also be in session b. folder is "frames", "products/btf" or
+ * "products". If holes is TRUE, only mdf.exr is compared, whose texels may lack a value; folder
+ * must then be "products". */
 gboolean difference_folder(const char *session_a, const char *session_b, const char *folder,
                            gboolean holes, struct difference *ret, GError **error);

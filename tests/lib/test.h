@@ -26,8 +26,8 @@
 /* Runs once, after the last test. */
 #define AFTER_TESTS TESTS_HOOK_(after, tests_set_after)
 
-/* Names a function of a fixture that is called instead of g_test_run(), calls it, and returns its
- * result. */
+/* Sets the function that tests_run() calls instead of g_test_run(), such as a function of a
+ * fixture. It must call g_test_run() and return the result. */
 #define TESTS_RUN_BY(runner)                                                                       \
     __attribute__((constructor)) static void set_runner(void) {                                    \
         tests_set_runner(runner);                                                                  \

@@ -14,7 +14,8 @@ struct trace_object {
 
 /* Returns the text of a glTF 2.0 file with these objects; g_free(). materials has JSON objects
  * separated by commas. more has further members of the root, beginning with a comma, or is "".
- * nodes has further nodes, beginning with a comma. The scene contains all nodes. */
+ * nodes has the JSON objects of n_nodes further nodes, beginning with a comma, or is "". The scene
+ * contains all nodes. */
 char *trace_fixture_text(const struct trace_object *objects, int n, const char *materials,
                          const char *more, const char *nodes, int n_nodes);
 

@@ -18,8 +18,8 @@ double twin_value(const char *name, const char *key);
 void twin_capture_simulated(const char *name, const char *seed);
 
 /* Checks that a session of tests/small that was captured by other drivers differs from a simulated
- * session only by noise. The limit is the difference of two simulated sessions with different
- * noise, which are captured here. */
+ * session only by noise. The function captures two simulated sessions with different noise. The
+ * limit of the RMS difference is 1.4 times that of these two sessions. */
 void twin_assert_noise_alone(const char *name);
 
 /* Starts mesorigd with a rig file, and returns when it listens at the address of a socket. log is

@@ -22,8 +22,11 @@
 /* Returns s a + t b. */
 struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t);
 
-/* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y and blue = the number of the texel. Terms
- * 1 and 2 add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 have the weight 0. */
+/* The material of view_fixture_material(). LIGHT has red = 0.5 + 0.4 l_x and green = 0.5 + 0.4 l_y.
+ * VIEW has red = 0.5 + 0.4 v_x and green = 0.5 + 0.4 v_y, where its terms 1 and 2 are the parts
+ * with v. TEXEL has red and green that increase with the column and the row. WAVE has one period of
+ * a sine and of a cosine over the tile. In all of these, blue is texel_code(). GREY is 0.5, and
+ * COSINE is l_z. Terms 3 and 4 have the weight 0. */
 enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, WAVE, N_KINDS };
 
 double texel_code(int i, int j);
