@@ -187,7 +187,7 @@ TEST(refused) {
                "target.conf", "-o", "no.conf"));
     g_free(RUN(1, "poles.session, poles.session: no laser sweeps were captured", "calibrate",
                "laser", "poles.session", "poles.session", "-o", "no.conf"));
-    g_free(RUN(1, "give one height of at least 0 and less than 1000 mm for each of the 2 sessions",
+    g_free(RUN(1, "give one height of at least 0 and less than 1000 mm for each session (2)",
                "calibrate", "laser", "low.session", "high.session", "--planes", "1;x", "-o",
                "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
