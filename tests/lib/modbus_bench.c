@@ -100,8 +100,10 @@ void bench_expect_error(struct bench *bench, enum device_error code, const char 
 }
 
 void bench_started(struct bench *bench) {
-    UNTIL (bench_state(bench).moving)
+    UNTIL (bench_state(bench).moving) {
+        g_assert_no_error(bench->error); /* the motion will not begin */
         conformance_pass(bench->clock, 0.002);
+    }
     const int asked = bench_state(bench).requests;
     UNTIL (bench_state(bench).requests >= asked + 2)
         conformance_pass(bench->clock, 0.002);
