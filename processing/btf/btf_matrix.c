@@ -159,9 +159,9 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
 }
 
 /* Fills a picture's holes and adds their number to *holes. The channel "mark" says which texels are
- * holes. Imported pictures have no such channel; if their attribute mesorig.holes is above 0, every
- * black texel is a hole. NaN is always a hole. Infinite values are an error. A picture that has
- * only holes becomes black. */
+ * holes. Imported pictures may lack this channel. Then every black texel is a hole if the
+ * attribute mesorig.holes is above 0. NaN is always a hole. Infinite values are an error. A picture
+ * that has only holes becomes black. */
 static gboolean fill_holes(const struct exr_part *part, float *const planes[COLOURS],
                            const char *path, gint64 *holes, GError **error) {
     const int pixels = part->width * part->height;

@@ -18,8 +18,8 @@ struct btf_matrix {
     char *name; /* name of the session, for messages and for models made from the BTF */
     struct btf_layout layout;
     float *values; /* height · width rows; NULL if the values are in scratch */
-    /* Numbers of texels with each flag of btf.h, summed over all pictures. Imported pictures have
-     * no flags; `holes` includes the holes that were found in their values. */
+    /* Numbers of texels with each flag of btf.h, summed over all pictures. Imported pictures may
+     * have no flags; `holes` includes the holes that were found in their values. */
     gint64 holes, bounds, shorter, predicted;
     char *directory; /* the session directory */
     struct btf_scratch *scratch;

@@ -142,8 +142,8 @@ static struct exr_part *light_part(const struct import *import, int view, int li
     const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
     for (int i = 0; marks && i < r->width * r->height; i++)
         part->planes[3][i] = marks[i];
-    if (!marks && !(m->picture && !m->black_holes &&
-                    holes > 0)) { /* a part has the channel “mark” only if a texel has a flag */
+    /* A part has the channel "mark" only if a texel has a flag. */
+    if (!marks && !(m->picture && !m->black_holes && holes > 0)) {
         part->n_channels = 3;
         g_clear_pointer(&part->channels[3], g_free);
         g_clear_pointer(&part->planes[3], g_free);

@@ -22,8 +22,8 @@
 
 #include <glib.h>
 
-#define COVERAGE_MAX_SWEEPS                                                                        \
-    64 /* maximum number at one turntable angle; each is a bit of a guint64 */
+/* maximum number at one turntable angle; each is a bit of a guint64 */
+#define COVERAGE_MAX_SWEEPS 64
 
 typedef struct CoverageModel CoverageModel;
 

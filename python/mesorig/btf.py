@@ -149,7 +149,7 @@ def _check_parts(parts: List[_exr.Part], path: str, grid: Optional["Grid"]) -> N
 
 
 def _flags(part: _exr.Part, values: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return the channel "mark". Imported pictures with holes have none: black texels are holes."""
+    """Return the channel "mark". Without it, black texels are holes if mesorig.holes is above 0."""
     if "mark" in part.channels:
         return part.channels["mark"].astype(np.uint8)
     if part.attributes.get("mesorig.holes", 0):
