@@ -108,8 +108,8 @@ gboolean bus_run_need(const struct bus_run *run, GError **error) {
     if (!run->capture)
         g_set_error(
             error, BUS_ERROR, BUS_ERROR_NO_SESSION,
-            "nothing is being captured; mesorig status shows the rig, and mesorig queue list "
-            "the sessions that wait");
+            "nothing is being captured; “mesorig status” shows the rig, and “mesorig queue list” "
+            "shows the sessions that wait");
     return run->capture != NULL;
 }
 

@@ -299,12 +299,14 @@ static void rest_now(struct bus_unattended *at) {
     g_variant_unref(g_variant_ref_sink(devices_safety(at->rig->devices, &safety)));
     const gboolean safe = safety == DEVICE_SAFE;
     g_free(at->rest);
-    at->rest =
-        g_strdup_printf("%s%s%s",
-                        safe ? "lamps and lasers are off"
-                             : "NOT every lamp and laser has confirmed that it is off: look "
-                               "at the rig",
-                        at->not_parked->len ? "; " : ", the axes are parked", at->not_parked->str);
+    at->rest = g_strdup_printf("%s%s%s",
+                               safe ? "lamps and lasers are off"
+                                    : "NOT every lamp and laser has confirmed that it is off: look "
+                                      "at the rig",
+                               at->not_parked->len ? "; "
+                               : safe              ? ", the axes are parked"
+                                                   : "; the axes are parked",
+                               at->not_parked->str);
     bus_rig_report(at->rig, safe && !at->not_parked->len ? "info" : "warning", "queue", at->rest);
     tell(at, "queue-empty", NULL, at->rest);
     show_queue(at);

@@ -54,7 +54,8 @@ struct dialect {
      * unanswered. */
     int window;
     gboolean one_line;
-    const char *halted; /* for an error: what it means if the board has halted itself */
+    /* error if the board has halted itself: what has happened, and what to do */
+    const char *halted;
 };
 
 extern const struct dialect gcode_grbl, gcode_marlin, gcode_klipper;

@@ -270,8 +270,9 @@ static gboolean check_grid(const struct direction_list *list, int n_grid, gboole
                 continue;
             g_set_error(
                 error, DATA_ERROR, DATA_ERROR_INVALID,
-                "direction %zu of the %s, counted from 0, is θ %g°, φ %g°; a grid of directions "
-                "needs finite angles and θ up to 90°",
+                "direction %zu of the %s, counted from 0, is θ %g°, φ %g°, but a grid of "
+                "directions needs finite angles and θ up to 90°; correct the directions, or "
+                "compress without --grid",
                 i, what, theta, phi);
             return FALSE;
         }

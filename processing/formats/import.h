@@ -64,8 +64,9 @@ struct import_material {
     /* NULL, or a file that is copied to products/mdf.exr. The file must have the texels of this
      * material. */
     const char *mdf;
-    /* 0, or the number of views that are written together. `load` is then called before `picture`
-     * is called for the views first … first + n − 1, from several threads and without progress. */
+    /* 0, or the number of views that are written together. `load` is then called once for the views
+     * first … first + n − 1. After that `picture` is called for these views from several threads.
+     * Progress is reported after all of them. */
     int n_together;
     gboolean (*load)(int first, int n, gpointer data, GError **error);
     gboolean black_holes; /* with `picture`: texels without values are black and have no flags */

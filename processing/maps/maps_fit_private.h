@@ -68,8 +68,8 @@ struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;
 };
-/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the n_starts
- * shapes in `starts`, and the best result is kept. Returns FALSE if the texel has no light. */
+/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with that of the
+ * n_starts shapes in `starts` that has the lowest cost. Returns FALSE if the texel has no light. */
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);

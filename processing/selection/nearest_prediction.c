@@ -15,8 +15,9 @@
  * and u differ and the probes are not the whole sample. The value is from weave, brick, peanuts and
  * brushed of docs/lab/fast.md. */
 #define UNSEEN 0.11
-/* Maximum of what the limit takes from highlights, relative to the limit. A lobe that was fitted to
- * few pairs may be arbitrarily bright between them. */
+/* limited_mean() cuts off highlights at max_gloss. What it cuts off counts as uncertain, but at
+ * most MAX_BEYOND · max_gloss of it, because a lobe that was fitted to few pairs may be arbitrarily
+ * bright between them. */
 #define MAX_BEYOND 0.5
 /* Number of standard deviations of log Σ σ² on both sides of the expected error that the range of
  * nearest_prediction_error_range() has. */

@@ -4,7 +4,8 @@
  * On disk, one EXR "eigenmaps.exr":
  *   part "weights"            channel "W", width n_views, height n_terms, float; row i is W_i(v)
  *   part "views", "lights"    channels "phi_deg","theta_deg", width n, height 1, float
- *   part "E000_light_0000"    channels B G R, half, width × height texels; term, light
+ *   part "E000_light_0000"    one for each term (000) and light (0000): channels B G R, half,
+ *                             width × height texels
  * The attributes of "weights" are mesorig.kind = "eigenmaps", mesorig.name (string), texel_mm
  * (double) and reference_mm (double). */
 #pragma once

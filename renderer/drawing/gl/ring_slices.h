@@ -14,8 +14,9 @@ struct ring_slices {
     float rings[RING_SLICES_MAX][4];
 };
 
-/* Finds the rings of n directions. Returns FALSE if the directions are not on at most
- * RING_SLICES_MAX rings of increasing θ, each evenly spaced. Any thread. */
+/* Finds the rings of n directions. Returns FALSE unless the directions form at most RING_SLICES_MAX
+ * rings, in the order of increasing θ, and the directions of each ring are evenly spaced in φ. Any
+ * thread. */
 gboolean ring_slices_find(const float *theta_deg, const float *phi_deg, int n,
                           struct ring_slices *ret);
 
