@@ -54,11 +54,10 @@ BEFORE_TESTS {
         tested[i] = (struct conformance){
             .name = boards[i].name, .real_clock = TRUE, .fail = fail, .fail_data = models[i]};
         tested[i].section = g_strdup_printf(
-            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 1500\nboot_ms = %d\n"
+            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 1500\nboot_ms = 2500\n"
             "min_deg = -90\nmax_deg = 90\npoll_ms = 5\n"
             "%s%s",
             virtual_gcode_port(models[i]),
-            options.language == VIRTUAL_KLIPPER ? 2500 : 1000, /* a question each 500 ms */
             strstr(boards[i].keys, "units_per_deg") ? "" : "units_per_deg = 1\n", boards[i].keys);
         conformance_axis(&gcode_axis_driver, &tested[i]);
     }
