@@ -268,20 +268,20 @@ static struct calibration *from_config(const Config *config, GError **error) {
         for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++)
             if (strcmp(section->class_name, kinds[k].class_name) == 0)
                 kind = &kinds[k];
-        const char *id =
-            strcmp(section->class_name, "rig") == 0 ? config_value(section, "id", NULL) : NULL;
-        if (!kind && !id && strcmp(section->class_name, "rig") == 0) {
+        const gboolean is_rig = strcmp(section->class_name, "rig") == 0;
+        const char *id = is_rig ? config_value(section, "id", NULL) : NULL;
+        if (is_rig && !id) {
             config_set_error(error, CONFIG_ERROR_VALUE, section, "id",
                              "the rig has no id; add a line “id = NAME”");
             return NULL;
         }
-        if (!kind && !id) {
+        if (!kind && !is_rig) {
             config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
                              "this section is not known; use [rig] with its id, [camera NAME], "
                              "[lamp NAME] and [laser NAME]");
             return NULL;
         }
-        if (id)
+        if (is_rig)
             g_strlcpy(ret->rig.id, id, sizeof ret->rig.id);
         else if (!nominal_section(section, kind, ret, error))
             return NULL;

@@ -17,10 +17,11 @@ enum { SHARP, SOFT, N_SHADOWS };
 struct Backdrop {
     guint programs[N_PROGRAMS][N_SHADOWS]; /* each is compiled when it is first used */
     guint environment;                     /* texture of the environment map; 0 if there is none */
-    /* `foot` has half the size of the mesh's footprint in x and y, and the lowest z of the mesh.
-     * `corner` is the radius of the corners of the footprint, and `radius` the radius of the
-     * mesh. */
-    float foot[3], corner, radius;
+    /* The footprint of the mesh: foot[0] and foot[1] are half its size in x and in y. foot[2] is
+     * the lowest z of the mesh. */
+    float foot[3];
+    float corner; /* radius of the corners of the footprint */
+    float radius; /* radius of the mesh */
 };
 
 static gboolean need(Backdrop *backdrop, int which, int shadows, GError **error) {

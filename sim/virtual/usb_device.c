@@ -20,8 +20,8 @@
  * immediately. */
 #define IDLE_US 300
 
-/* Pause after a poll without a result, for a device with bulk transfers. Other devices can be
- * polled meanwhile. */
+/* Pause after a poll without a result, for a device with bulk transfers. During the pause other
+ * devices are polled. */
 #define PATIENT_MS 1
 
 enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };

@@ -93,9 +93,9 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* Makes picture->data from the chosen region of the sensor's picture, which is a ramp if
- * options->picture is NULL. If processed is TRUE, values are squared, relative to full scale. Then
- * shift is added, which is the change of BlackLevel in DN. */
+/* Makes picture->data from the chosen region of the sensor's picture. The sensor's picture is a
+ * ramp if options->picture is NULL. If processed is TRUE, values are squared, relative to full
+ * scale. Then shift is added, which is the change of BlackLevel in DN. */
 static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                  gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
