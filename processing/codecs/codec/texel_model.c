@@ -38,9 +38,9 @@ const char *texel_model_kind(const struct exr_file *file) {
     return ret;
 }
 
-gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
-                               struct btf_layout *ret_layout, const char **ret_what,
-                               GError **error) {
+gboolean texel_model_read_head(const char *path, const struct exr_file *file,
+                               struct texel_model_head *head, struct btf_layout *ret_layout,
+                               const char **ret_what, GError **error) {
     const struct exr_part *part = g_ptr_array_index(file->parts, 0);
     int width, height;
     *ret_what = NULL;
@@ -51,8 +51,10 @@ gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_h
         !exr_get_int(part, "mesorig.height", &height, error) ||
         !exr_get_double(part, "mesorig.error", &head->error, error) ||
         !exr_get_double(part, "mesorig.exact_error", &head->exact_error, error) ||
-        !exr_get_double(part, "mesorig.luminance_error", &head->luminance_error, error))
+        !exr_get_double(part, "mesorig.luminance_error", &head->luminance_error, error)) {
+        g_prefix_error(error, "%s: ", path);
         return FALSE;
+    }
     *ret_what = btf_layout_read(file, part, ret_layout);
     if (*ret_what)
         return FALSE;

@@ -22,12 +22,12 @@ struct texel_model_head {
 void texel_model_write_head(const struct texel_model_head *head, const struct btf_layout *layout,
                             struct exr_file *file);
 const char *texel_model_kind(const struct exr_file *file); /* NULL if the file has no kind */
-/* Reads and checks the attributes and the layout. The caller has set head->names. file owns
- * head->name. Returns FALSE if the file is damaged. Then either the error is set, or *ret_what
- * describes the damage and the error is not set. */
-gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
-                               struct btf_layout *ret_layout, const char **ret_what,
-                               GError **error);
+/* Reads and checks the attributes and the layout. path names the file in an error. The caller has
+ * set head->names. file owns head->name. Returns FALSE if the file is damaged. Then either the
+ * error is set, or *ret_what describes the damage and the error is not set. */
+gboolean texel_model_read_head(const char *path, const struct exr_file *file,
+                               struct texel_model_head *head, struct btf_layout *ret_layout,
+                               const char **ret_what, GError **error);
 /* Makes a text from the headers only, such as "4 × 3 texels, of 5 views × 6 lights; at the measured
  * directions: error 1.00 %, luminance off by 0.0100". Returns NULL if parts are missing.
  * g_free() */

@@ -133,8 +133,10 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
         return format_error(path, error, "the part “weights” with the channel W is missing");
     if (!exr_get_string(weights, "mesorig.kind", &kind, NULL) || strcmp(kind, "eigenmaps") != 0)
         return format_error(path, error, "mesorig.kind of the part “weights” is not eigenmaps");
-    if (!exr_get_string(weights, "mesorig.name", &name, error))
+    if (!exr_get_string(weights, "mesorig.name", &name, error)) {
+        g_prefix_error(error, "%s: ", path);
         return FALSE;
+    }
     maps->name = g_strdup(name);
     maps->n_terms = weights->height;
     const char *what = btf_layout_read(file, weights, &maps->layout);

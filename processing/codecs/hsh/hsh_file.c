@@ -64,7 +64,7 @@ static gboolean read_head(struct hsh *hsh, const struct exr_file *file, const ch
     const char *what = NULL;
     if (g_strcmp0(texel_model_kind(file), "hsh") != 0)
         return format_error(path, error, "mesorig.kind of the first part is not hsh");
-    if (!texel_model_read_head(file, &head, &hsh->layout, &what, error))
+    if (!texel_model_read_head(path, file, &head, &hsh->layout, &what, error))
         return what && format_error(path, error, what);
     hsh->name = g_strdup(head.name);
     hsh->n_terms = head.numbers[0];

@@ -109,7 +109,7 @@ static gboolean read_head(struct lobes *lobes, const struct exr_file *file, cons
         return format_error(
             path, error,
             "mesorig.kind of the first part is not fields, ptm, lafortune, ward or ashikhmin");
-    if (!texel_model_read_head(file, &head, &lobes->layout, &what, error))
+    if (!texel_model_read_head(path, file, &head, &lobes->layout, &what, error))
         return what && format_error(path, error, what);
     const struct lobes_traits *traits = &lobes_traits[lobes->model];
     const int least = traits->lobed ? 1 : 0, most = traits->lobed ? LOBES_MAX_LOBES : 0;

@@ -197,8 +197,10 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
         return format_error(path, error, "mesorig.kind of the part “clusters” is not lpca");
     if (!exr_get_string(part, "mesorig.name", &name, error) ||
         !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
-        !exr_get_double(part, "mesorig.error", &lpca->error, error))
+        !exr_get_double(part, "mesorig.error", &lpca->error, error)) {
+        g_prefix_error(error, "%s: ", path);
         return FALSE;
+    }
     lpca->name = g_strdup(name);
     lpca->layout.width = (gsize)part->width;
     lpca->layout.height = (gsize)part->height;

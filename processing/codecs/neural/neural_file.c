@@ -272,7 +272,7 @@ static gboolean read_head(struct neural *neural, const struct exr_file *file, co
     const char *what = NULL;
     if (g_strcmp0(texel_model_kind(file), "neural") != 0)
         return format_error(path, error, "mesorig.kind of the first part is not neural");
-    if (!texel_model_read_head(file, &head, &neural->layout, &what, error))
+    if (!texel_model_read_head(path, file, &head, &neural->layout, &what, error))
         return what && format_error(path, error, what);
     neural->name = g_strdup(head.name);
     neural->n_channels = head.numbers[0];

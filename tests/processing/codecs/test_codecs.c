@@ -209,9 +209,47 @@ TEST(options) {
         g_assert_false(options_set(&bytes, no_sizes[i], &size, NULL));
 }
 
+/* Leaves out one attribute of the file at a time. A reader that needs the attribute names the file.
+ */
+static void test_attributes(gconstpointer data) {
+    const struct codec *codec = data;
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    struct btf_matrix *btf = waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, 0.002, FALSE);
+    struct codec_result result;
+    encode(codec, btf, &result);
+    g_assert_true(ok(codec->write(path, result.levels->pdata, 1, ERR)));
+    g_autoptr(ExrFile) file = ok(exr_read(path, ERR));
+    int refused = 0;
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = file->parts->pdata[i];
+        for (guint k = 0; k < part->attributes->len; k++) {
+            g_autoptr(GError) error = NULL;
+            struct exr_attribute *attribute = part->attributes->pdata[k];
+            g_autofree char *name = g_steal_pointer(&attribute->name);
+            attribute->name = g_strdup("without");
+            g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
+            gpointer model = codec->read(path, &error);
+            g_assert_true((model != NULL) == (error == NULL));
+            if (model)
+                codec->free(model);
+            else if (!strstr(error->message, path))
+                g_error("without %s in %s: %s", name, part->name, error->message);
+            refused += error != NULL;
+            g_free(attribute->name);
+            attribute->name = g_steal_pointer(&name);
+        }
+    }
+    g_assert_cmpint(refused, >=, 2);
+    g_ptr_array_unref(result.levels);
+    btf_matrix_free(btf);
+}
+
 BEFORE_TESTS {
     for (gsize i = 0; codecs[i]; i++) {
         g_autofree char *path = g_strdup_printf("/codecs/round-trip/%s", codecs[i]->name);
+        g_autofree char *attributes = g_strdup_printf("/codecs/attributes/%s", codecs[i]->name);
         g_test_add_data_func(path, codecs[i], test_round_trip);
+        g_test_add_data_func(attributes, codecs[i], test_attributes);
     }
 }
