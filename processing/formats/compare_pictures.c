@@ -80,8 +80,9 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
 }
 
 gboolean compare_is_picture(const char *path) {
+    g_autofree char *lower = g_ascii_strdown(path, -1);
     const char *kind = NULL;
-    if (!g_str_has_suffix(path, ".exr"))
+    if (!g_str_has_suffix(lower, ".exr"))
         return import_is_picture(path);
     g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
     return file && file->parts->len == 1 &&

@@ -221,8 +221,11 @@ TEST(light) {
     g_assert_true(exr_get_string(part, "picture.shape", &shape, NULL));
     g_assert_cmpstr(shape, ==, "torus");
     exr_part_free(part);
-    g_assert_true(g_file_set_contents(b, "no EXR", -1, NULL));
-    g_assert_false(compare_is_picture(b));
+    g_autofree char *shouted = g_build_filename(folder, "SHOUTED.EXR", NULL);
+    write_exr(shouted, 4, one);
+    g_assert_true(compare_is_picture(shouted));
+    g_assert_true(g_file_set_contents(shouted, "no EXR", -1, NULL));
+    g_assert_false(compare_is_picture(shouted));
 }
 
 TEST(pictures) {
