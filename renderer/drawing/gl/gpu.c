@@ -373,15 +373,16 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
         glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, target->depth,
                                0);
     }
-    if (!gpu_check("making a picture to draw into", error))
-        return FALSE;
-    if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
-        return TRUE;
-    g_set_error(
-        error, GPU_ERROR, GPU_ERROR_FAILED,
-        "%s cannot draw into a picture of the OpenGL format 0x%04x; update its driver, or draw "
-        "without it: LIBGL_ALWAYS_SOFTWARE=1",
-        gpu_renderer(), internal_format);
+    if (gpu_check("making a picture to draw into", error)) {
+        if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
+            return TRUE;
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_FAILED,
+            "%s cannot draw into a picture of the OpenGL format 0x%04x; update its driver, or draw "
+            "without it: LIBGL_ALWAYS_SOFTWARE=1",
+            gpu_renderer(), internal_format);
+    }
+    gpu_target_clear(target);
     return FALSE;
 }
 

@@ -81,9 +81,9 @@ struct gpu_target {
 };
 
 /* Makes textures of this size. Does nothing if the target already has this size, whatever its
- * format. The contents of new textures are undefined. Fails if the card does not support the size
- * or cannot draw into the format. After an error, call gpu_target_clear() before another attempt.
- * The framebuffer stays bound. */
+ * format. The contents of new textures are undefined. The framebuffer stays bound. Fails if the
+ * card does not support the size or cannot draw into the format. After an error the target is as
+ * after gpu_target_clear(). */
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error);
 /* Deletes the framebuffer and the textures, and sets all members to 0. */
