@@ -71,6 +71,9 @@ struct camera_driver {
     /* TRUE if the camera offers only a list of exposure times, which is not known before the camera
      * is opened. A session that lets the program choose the exposures ("auto") is then refused. */
     gboolean listed_exposures;
+    /* TRUE if stamp_us is −1 for each camera of this driver. A session with motion = continuous is
+     * then refused before the camera is opened. */
+    gboolean no_stamps;
 };
 
 struct Camera {

@@ -33,15 +33,29 @@ static void assume(GPtrArray *assumed, const struct config_section *section, con
     g_ptr_array_add(assumed, g_strdup_printf("assumed for [%s]: %s", section->group, what));
 }
 
-/* Sets report_ms and stamp_ms of an axis whose driver has turn(), so that passes can be planned.
- * While such an axis turns, it reports its position with each poll. The driver's open() would add
- * the time that an answer may take to these values, which is not known here. */
-static void read_turning(const struct layout_device *device, struct axis_motion *motion) {
+/* Returns whether an axis reports its positions while it turns. A Modbus axis does not if it has no
+ * register for the speed. Of the boards that speak G-code, only those with GRBL do. */
+static gboolean has_reports(const struct layout_device *device) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
-    double poll_ms, speed_register, stamp_ms = 0;
+    const struct option *dialect = options_find(device->info->options, "dialect");
+    double speed_register;
 
-    if (!driver->turn || motion->report_ms > 0 || !number_of(device, "poll_ms", &poll_ms) ||
+    if (!driver->turn ||
         (number_of(device, "speed_register", &speed_register) && speed_register < 0))
+        return FALSE;
+    return !dialect ||
+           g_str_equal(
+               dialect->choices[*(const int *)G_STRUCT_MEMBER_P(device->fields, dialect->offset)],
+               "grbl");
+}
+
+/* Sets report_ms and stamp_ms of an axis that reports its positions, so that passes can be planned.
+ * The axis reports its position with each poll. The driver's open() would add the time that an
+ * answer may take to these values, which is not known here. */
+static void read_turning(const struct layout_device *device, struct axis_motion *motion) {
+    double poll_ms, stamp_ms = 0;
+
+    if (!has_reports(device) || motion->report_ms > 0 || !number_of(device, "poll_ms", &poll_ms))
         return;
     number_of(device, "stamp_ms", &stamp_ms);
     motion->report_ms = poll_ms;
@@ -97,6 +111,7 @@ static void read_camera(const struct layout *layout, int index, struct rig_timin
                         GPtrArray *assumed) {
     const struct config_section *section = layout->cameras[index];
     const struct layout_device *device = layout_device(layout, section);
+    const struct camera_driver *driver = (const struct camera_driver *)(const void *)device->info;
     double readout_ms = ASSUMED_READOUT_MS, trigger_ms = ASSUMED_READOUT_MS / 2;
     double min_us = 1, max_us = MOST_EXPOSURE_US, bits = ASSUMED_BITS;
 
@@ -111,12 +126,11 @@ static void read_camera(const struct layout *layout, int index, struct rig_timin
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);
     timing->min_exposure_us[index] = (gint64)min_us;
     timing->max_exposure_us[index] = (gint64)max_us;
-    timing->stamp_us[index] = g_str_has_prefix(device->info->name, "v4l2")   ? -1
+    timing->stamp_us[index] = driver->no_stamps                              ? -1
                               : g_str_has_prefix(device->info->name, "sim-") ? 0
                                                                              : ASSUMED_STAMP_US;
     timing->bits[index] = bits > 0 ? (int)bits : ASSUMED_BITS;
-    timing->listed_exposures[index] =
-        ((const struct camera_driver *)(const void *)device->info)->listed_exposures;
+    timing->listed_exposures[index] = driver->listed_exposures;
 }
 
 static gboolean read_lights(const struct layout *layout, struct rig_timing *timing,

@@ -118,4 +118,5 @@ const struct camera_driver gphoto2_camera_driver = {
     .disarm = program_camera_disarm,
     .trigger = program_camera_trigger,
     .listed_exposures = TRUE,
+    .no_stamps = TRUE,
 };

@@ -265,4 +265,5 @@ const struct camera_driver program_camera_driver = {
     .arm = program_camera_arm,
     .disarm = program_camera_disarm,
     .trigger = program_camera_trigger,
+    .no_stamps = TRUE,
 };

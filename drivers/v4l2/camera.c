@@ -468,4 +468,5 @@ const struct camera_driver v4l2_camera_driver = {
     .arm = v4l2_camera_arm,
     .disarm = v4l2_camera_disarm,
     .trigger = v4l2_camera_trigger,
+    .no_stamps = TRUE,
 };

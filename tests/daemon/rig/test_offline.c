@@ -116,6 +116,45 @@ TEST(absent_devices) {
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING); /* its steps_per_deg */
 }
 
+/* What motion = continuous needs is known without the devices: of the boards that speak G-code only
+ * those with GRBL report positions, and only GigE cameras have the times of their frames. */
+TEST(continuous) {
+    static const struct {
+        const char *table, *camera;
+        gboolean reports, stamps;
+    } cases[] = {
+        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
+         "accel_deg_s2=1\nwraps=yes\n",
+         "driver=aravis\ndevice=x\n", TRUE, TRUE},
+        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
+         "accel_deg_s2=1\nwraps=yes\ndialect=marlin\n",
+         "driver=v4l2-camera\n", FALSE, FALSE},
+        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
+         "accel_deg_s2=1\nwraps=yes\ndialect=klipper\n",
+         "driver=gphoto2-camera\nport=usb\n", FALSE, FALSE},
+        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
+         "accel_deg_s2=1\nwraps=yes\ndialect=grbl\n",
+         "driver=program-camera\nprogram=/bin/true\n", TRUE, FALSE},
+    };
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autofree char *text = g_strdup_printf(
+            "[rig]\nid=r\narc_radius_mm=500\n[axis turntable]\n%s[camera c]\n%s"
+            "theta_deg=20\nphi_deg=0\nwidth=640\nheight=480\ndistance_mm=500\n"
+            "focal_px=1000\n[lamp l]\nindex=0\ntheta_deg=30\nphi_deg=0\ndistance_mm=500\nbank=b\n"
+            "[lamps b]\ndriver=modbus-relays\nbus=/dev/ttyUSB1\nn=1\n",
+            cases[i].table, cases[i].camera);
+        g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+        struct rig rig;
+        struct rig_timing timing;
+        g_assert_true(g_file_set_contents(path, text, -1, NULL));
+        g_assert_true(ok(devices_read_timing(path, &rig, &timing, assumed, ERR)));
+        g_assert_true((timing.turntable.report_ms > 0) == cases[i].reports);
+        g_assert_true((timing.stamp_us[0] >= 0) == cases[i].stamps);
+    }
+}
+
 /* Two drives on one line that are to be opened with different parities. */
 TEST(line_conflict) {
     TEMPORARY_FOLDER(folder);
