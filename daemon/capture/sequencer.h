@@ -1,10 +1,12 @@
 /* Takes shots in order. The sequencer homes the axes, moves the stage to the pose of each picture,
  * triggers the cameras, and passes on every accepted frame. As soon as the cameras have exposed,
- * the stage moves to the next picture while the frames are read out. Shots of a pass (struct
- * session_pass) are taken while the turntable turns: each camera is triggered so that the turntable
- * passes the shot's angle in the middle of the exposure. The sequencer is a state machine driven by
- * the devices' events. Every wait has the deadline of the class of the device. Main loop's
- * thread. */
+ * the stage moves to the next picture while the frames are read out.
+ *
+ * Shots of a pass (struct session_pass) are taken while the turntable turns. Each camera is then
+ * triggered so that the turntable passes the shot's angle in the middle of the exposure.
+ *
+ * The sequencer is a state machine driven by the devices' events. Every wait for a device has a
+ * deadline, which the class of the device sets. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "intake/taken_frame.h"
@@ -17,9 +19,10 @@ struct sequencer_hooks {
     /* Called before cameras are triggered. If it returns FALSE, the cameras are not triggered until
      * sequencer_poke() makes the sequencer call it again. */
     gboolean (*may_trigger)(gpointer data);
-    /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come in the
-     * order of the shots for each camera, except frames that are taken again in another turn of the
-     * turntable. taken is valid during the call. */
+    /* Called with an accepted frame. taken is valid during the call. The frames that one camera
+     * takes in a shot come in order of taken->sub. In a pass, the frames of one camera come in the
+     * order of the shots. A frame that is taken again in another turn of the turntable comes later.
+     */
     void (*frame)(const struct taken_frame *taken, gpointer data);
     /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
      * the repetition if the picture was saturated, otherwise 0. */

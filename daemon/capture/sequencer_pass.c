@@ -76,8 +76,8 @@ gboolean sequencer_pass_is_untouched(const Sequencer *seq) {
     return TRUE;
 }
 
-/* Returns whether a shot is to be triggered in this turn. After a pause was requested, only shots
- * that were begun are finished. */
+/* Returns whether a shot is to be triggered in this turn. After a pause was requested, this is so
+ * only for a shot that some of its cameras have taken and others have not. */
 static gboolean pass_wants(const Sequencer *seq, const struct pass_shot *shot) {
     return !camera_set_is_empty(shot->pending) && (!seq->pausing || pass_is_begun(shot));
 }
@@ -150,8 +150,8 @@ static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
     for (int c = 0; c < seq->devices->geometry.n_cameras && seq->state == PASSING; c++) {
         g_autoptr(GError) error = NULL;
         if (!camera_set_has(shot->pending, c) || camera_set_has(seq->waiting, c))
-            /* the camera has no picture to take, or its last frame has not arrived yet; then the
-             * picture is taken in a later turn of the table */
+            /* This camera has no picture to take, or its last frame has not arrived yet. In the
+             * second case, the picture is taken in a later turn of the table. */
             continue;
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
             camera_set_add(&seq->exposing, c);
@@ -264,7 +264,7 @@ static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
     return FALSE;
 }
 
-/* Returns whether another turn is needed if all awaited frames are accepted. */
+/* Returns whether another turn is needed even if all awaited frames are accepted. */
 static gboolean pass_needs_more(const Sequencer *seq) {
     for (guint i = 0; i < seq->pass.n; i++) {
         const struct pass_shot *shot = &seq->pass.shots[i];

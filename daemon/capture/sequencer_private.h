@@ -79,8 +79,9 @@ void sequencer_go_on(Sequencer *seq);
  * all pictures of the present shot or pass are taken. */
 void sequencer_next_shot(Sequencer *seq);
 
-/* sequencer_make_ready() configures and arms a camera for a picture. sequencer_trigger() also
- * triggers it. sequencer_exposure_us() returns the exposure of the picture. sub is the index of the
+/* sequencer_make_ready() configures and arms a camera for a picture. sequencer_trigger() does the
+ * same, and then triggers the camera. Both return FALSE with an error if the camera does not accept
+ * this. sequencer_exposure_us() returns the exposure of the picture. sub is the index of the
  * picture in the shot, and state is the camera's state in the shot. */
 gboolean sequencer_make_ready(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                               const struct sequencer_camera *state, GError **error);
@@ -88,12 +89,12 @@ gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int 
                            const struct sequencer_camera *state, GError **error);
 gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *shot, int sub,
                              const struct sequencer_camera *state);
-/* Counts a refused picture. Returns FALSE if everything has been stopped: no attempts are left, or
- * the hook `retake` has stopped the sequencer. */
+/* Counts a refused picture. Returns FALSE if this has stopped everything, because no attempts are
+ * left or because the hook `retake` has stopped the sequencer. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
-/* Counts a failed trigger of a camera, like a refused picture. The camera is triggered again after
- * a pause. */
+/* Counts a failed trigger of a camera, and returns, like sequencer_count_refusal(). The camera is
+ * triggered again after a pause. */
 gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camera *state,
                               const GError *error);
 /* Returns whether a picture must be repeated with a shorter exposure because it is saturated, and
@@ -106,7 +107,8 @@ gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int 
  * same pass. */
 void sequencer_pass_begin(Sequencer *seq);
 void sequencer_pass_clear(Sequencer *seq);
-/* Starts the turn of the turntable. The stage has reached the place where the pass begins. */
+/* Starts the turn of the turntable. To be called when the stage has reached the angle at which the
+ * pass begins. */
 void sequencer_pass_start(Sequencer *seq);
 /* To be called when the turntable has reported its position or has stopped, and when a camera has
  * answered. */

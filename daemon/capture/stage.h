@@ -1,14 +1,15 @@
 /* Positions of the axes and states of the lights. The sequencer sets a goal. The stage moves every
- * axis to its goal and switches the lights that differ from the goal, as soon as each device is
- * free. Main loop's thread. */
+ * axis to its goal, and switches every light that is not in the state of the goal. It commands each
+ * device as soon as this device is free. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "rig/devices.h"
 
 struct stage_goal {
     double turntable_deg, arc_deg, arm_deg, probe_deg;
-    /* Indices of the lamp and of the laser that are lit, or −1. A laser that is mounted by hand is
-     * given by its unit. A lamp on the probe is given by its first stop. */
+    /* Index of the lamp that is lit, and index of the laser that is lit; −1 if none is. For a laser
+     * that is mounted by hand, this is the index of its unit. For a lamp on the probe, it is the
+     * index of the lamp's first stop. */
     int lamp, laser;
     int sweep; /* the laser whose sweep axis must stand at sweep_deg; −1 if none */
     double sweep_deg;
@@ -55,11 +56,12 @@ void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
 /* Commands the safe state immediately, and does not wait for the devices (devices_make_safe()).
- * Returns FALSE with an error if a device could not be commanded. Until the next stage_home(), no
- * hook except `unsafe` is called. */
+ * Returns FALSE with an error if a device could not be commanded. After this, only the hook
+ * `unsafe` is called until the next stage_home(). */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* Returns a text for the user that says what to do, and ends with "then continue"; g_free(). text
- * is the message of the device error, or error_details_text() if the reader knows the device. text
- * already contains the advice of the error. If the error has none, general advice is added. */
+/* Returns a text that tells the user what to do, and ends with "then continue"; g_free(). text is
+ * the message of a device error. If the reader already knows the device, text is
+ * error_details_text() of that error. If the error contains advice, text contains it too. Otherwise
+ * general advice is added. */
 char *stage_advise(const char *text, const GError *error);

@@ -1,6 +1,6 @@
 /* The predicted time until a session is complete. The plan gives the time of each shot. The rig may
  * be slower or faster than the plan, so the prediction learns the mean delay of the shots of each
- * kind. Owned by the Capture. Main loop's thread. */
+ * kind. A Capture owns the struct. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "capture_session.h"
@@ -13,10 +13,11 @@ struct shots_left {
 };
 
 struct time_left {
-    /* according to the plan: predicted time of the whole session, and a lower bound of the time */
+    /* predicted time of the whole session according to the plan, and the plan's lower bound of it
+     */
     double predicted_s, lower_bound_s;
-    /* n_shots + 1 elements: the work that is left before each of the n_shots shots of this run, and
-     * after the last shot. NULL before the run. */
+    /* Array of n_shots + 1 elements. Element i is the work that is left before shot i of this run.
+     * Element n_shots is the work that is left after the last shot. NULL before the run. */
     struct shots_left *plan;
     guint n_shots;
     /* For each kind of shots: the total time by which shots took longer than planned, and the
@@ -28,7 +29,8 @@ struct time_left {
     guint n_exposed; /* the number of exposed shots when the time left was last predicted */
     double at_s;     /* time of the last prediction on the session's clock */
     double left_s;   /* time left at at_s */
-    double min_s;    /* minimum of the time left that is shown until the next prediction */
+    /* the time left that is shown is not less than this until the next prediction */
+    double min_s;
 };
 
 gboolean time_left_load(struct time_left *left, const struct capture_session *session,
@@ -39,14 +41,13 @@ void time_left_clear(struct time_left *left);
 void time_left_begin(struct time_left *left, const struct capture_session *session,
                      const struct session_shot *const *shots, guint n);
 
-/* Predicts the time left from the moment at_s at which the first n shots of the run were exposed.
- */
+/* Predicts the time left at the time at_s, when the first n shots of the run have been exposed. */
 void time_left_predict(struct time_left *left, guint n, double at_s);
 
 /* Learns from the shots that were exposed since the last prediction, up to shot n of the run, which
- * was exposed at at_s. Their delay since the last prediction, compared with the plan, is added to
- * the delays of this kind of shot (the kind of shot n). Call time_left_predict() after each call.
- * The function may then be called for each camera of shot n. */
+ * was exposed at at_s. The time that they took longer than planned is added to the delays of one
+ * kind of shots: that of shot n. Call time_left_predict() after each call. Then this function may
+ * be called again for another camera of shot n. */
 void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint n, double at_s);
 
 /* Returns the time left at now_s: the last prediction minus the time since then, but at least

@@ -37,8 +37,9 @@ const char *hooks_what_of_event(const char *level, const char *message);
 GVariant *hooks_details_of_event(const char *source, const char *message);
 
 /* Describe an event for users. hooks_title() returns one line: "weave: captured". hooks_text()
- * returns the message, the session directory and the number of waiting sessions, each on a line of
- * its own if there is one, so the text may be empty. Free the results with g_free(). */
+ * returns up to three lines: the message, the session directory, and the number of waiting
+ * sessions. A line that the event does not have is left out, so the text may be empty. Free the
+ * results with g_free(). */
 char *hooks_title(const char *what, GVariant *details);
 char *hooks_text(const char *what, GVariant *details);
 

@@ -86,8 +86,8 @@ static void on_event(GDBusConnection *connection, const char *sender, const char
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, unless the reason is the same as before, and tries
- * again after AGAIN_S. Takes ownership of why. */
+/* Reports why the daemon cannot be reached, but not the same reason twice in a row. Tries again
+ * after AGAIN_S. Takes ownership of why. */
 static void stay_away(struct program *program, GError *why) {
     if (g_strcmp0(program->away, why->message) != 0)
         g_printerr("mesorig-hooks: %s; mesorig-hooks tries again every %d s\n", why->message,

@@ -49,11 +49,12 @@ static int fail(const GError *error) {
     return 1;
 }
 
-/* Carries out --safe-state: makes the rig safe and returns an exit code. systemd also runs this as
- * ExecStopPost, with SERVICE_RESULT set, even if the service could not start because another daemon
- * has the rig open. That rig must not be switched off, so this process then takes the role
- * LOCK_GUARDIAN. When run by systemd, leaves devices that are not safe afterwards to a guardian,
- * unless one is already at work. */
+/* Carries out --safe-state: makes the rig safe and returns an exit code.
+ *
+ * systemd also runs this as ExecStopPost, with SERVICE_RESULT set. It does so even if the service
+ * could not start because another daemon has the rig open. That rig must not be switched off, so
+ * this process then takes the role LOCK_GUARDIAN. Afterwards, a new guardian continues with devices
+ * that are not safe yet, if another attempt may help and no guardian is already at work. */
 static int safe_state(const char *path) {
     const gboolean service = g_getenv("SERVICE_RESULT") != NULL;
     g_autoptr(GError) error = NULL;
@@ -174,7 +175,7 @@ static void on_name_lost(GDBusConnection *connection, const char *name, gpointer
 
 static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
-        /* The mask makes a socket to which only its owner may connect. */
+        /* With this mask, only the owner of the new socket may connect to it. */
         const mode_t before = umask(0077);
         daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);
