@@ -6,12 +6,15 @@
  * and report its position for the first time at its final speed. The pass ends after its last shot.
  * If stopping at each angle is quicker, the shots are not in a pass, and their pass number is 0.
  *
- * At the speed ω of the table, a point at the sample's corner, at the distance r from the axis,
- * moves by ω r t during an exposure of t. The pose of a frame is known to within ω r · 2 δ. Here δ
- * is the sum of two maximum errors: that of the times of frames, and that of the times of the
- * table's positions. ω is chosen so that neither length exceeds [capture] blur_texels of a texel,
- * and is then rounded down to two significant digits. If the maximum speed of the table is lower, ω
- * is that speed.
+ * The speed ω of the table is limited by two lengths at the sample's corner, which is at the
+ * distance r from the axis:
+ * - Blur: during an exposure of the time t, the corner moves by ω r t.
+ * - Error of the pose: the position of the corner is known to within ω r · 2 δ. Here δ is the sum
+ *   of the maximum error of the times of frames and the maximum error of the times of the table's
+ *   positions.
+ *
+ * ω is chosen so that neither length exceeds [capture] blur_texels of a texel, and is then rounded
+ * down to two significant digits. If the maximum speed of the table is lower, ω is that speed.
  *
  * Passes depend only on the session file, the rig's nominal geometry, its timing and the given
  * shots. They do not depend on which shots are already taken. A session that is resumed therefore

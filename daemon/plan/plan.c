@@ -122,8 +122,10 @@ static char *plan_camera_names(const struct plan_build *b, struct camera_set cam
 
 /* Adds the shot of a light whose lamp or laser is fixed. The device depends on the angle of the
  * turntable. If no device stands in the direction of the light, the shot is added as skipped.
- * Cameras that hide the device, or are hidden by it, get a separate, skipped shot, or an error if
- * on_blocked is refuse. */
+ *
+ * Cameras that are in the device's way, or that see the device in front of the sample, get a
+ * separate, skipped shot. If on_blocked is refuse, the function returns FALSE with an error
+ * instead. */
 static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,
                                enum session_shot_kind kind, const struct session_direction *source,
                                GError **error) {
@@ -215,8 +217,9 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     return positions;
 }
 
-/* Adds the shots of a pose for blocked cameras (plan_blocked()): with a shifted arc if on_blocked
- * is shift and this helps, otherwise as skipped. Fails if on_blocked is refuse. */
+/* Adds the shots of a pose for blocked cameras (plan_blocked()). If on_blocked is shift and a turn
+ * of the arc helps, the shots get the turned arc. Otherwise they are added as skipped. If
+ * on_blocked is refuse, returns FALSE with an error. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
     g_autofree char *names = plan_camera_names(b, p.cameras);
@@ -367,8 +370,8 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
         int camera = g_array_index(b->views, struct session_direction, v).device;
         if (!check_auto(b, camera, error))
             return FALSE;
-        /* If the exposures are not chosen yet, only the longest one is an upper bound that must
-         * fit. */
+        /* While the exposures are not chosen yet, the longest one is an upper bound. Only this one
+         * must fit. */
         for (int i = conf->is_auto[AUTO_EXPOSURES] ? conf->n_exposures - 1 : 0;
              i < conf->n_exposures; i++)
             if (!plan_check_exposure(b, camera, conf->exposures_us[i], AUTO_EXPOSURES, error))
@@ -402,8 +405,9 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     return unit == NULL;
 }
 
-/* Returns FALSE with an error if this session cannot use [lights] sampling = adaptive: pictures are
- * predicted from those of other views, and no laser unit may be mounted by hand. */
+/* Returns FALSE with an error if this session cannot use [lights] sampling = adaptive. It needs at
+ * least two views, because pictures are predicted from those of other views. A laser unit that
+ * sweeps must not be mounted by hand, because nobody may be present at a further round. */
 static gboolean plan_check_sampling(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
     if (conf->light_sampling == SAMPLING_ALL)
@@ -505,8 +509,8 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
 }
 
-/* Returns the lower bound of the time without homing. The passes are those that there would be if
- * all shots were of one round. */
+/* Returns the lower bound of the time without homing. The passes are set as if all shots belonged
+ * to one round. */
 static double plan_bound_s(const struct plan_build *b, const struct plan_pose *poses, int n_poses) {
     g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
@@ -647,9 +651,9 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
     return array;
 }
 
-/* Returns FALSE with an error if n, the number of what, exceeds most. The planning time grows with
- * the square of the number of poses. The memory grows with the square of the number of angles of
- * the arc. */
+/* Returns FALSE with an error if n exceeds `most`. `what` names the things that n counts. The
+ * planning time grows with the square of the number of poses. The memory grows with the square of
+ * the number of angles of the arc. */
 static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most, const char *what,
                                 GError **error) {
     if (n <= (guint64)most)

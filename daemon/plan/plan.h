@@ -67,8 +67,8 @@ struct plan {
     guint64 bytes_least;
     double predicted_s;
     double lower_bound_s;
-    /* number of mountings by hand, including the one at the beginning; 0 if no unit has a further
-     * place */
+    /* number of mountings by hand, including the one at the beginning; 0 if every laser unit has
+     * only one place */
     int n_mounts;
     double nested_s; /* predicted time of the nested order: loops over τ, α and lamps */
     /* with STOP_COVERED or SAMPLING_ADAPTIVE the predicted time if the first round is sufficient;
@@ -93,12 +93,13 @@ enum plan_error {
     PLAN_ERROR_NO_CAMERA,
     PLAN_ERROR_NO_LAMP,
     PLAN_ERROR_NO_LASER,
-    PLAN_ERROR_LIMITS,  /* an axis cannot reach a position, an exposure is out of range, or the rig
-                         * or the rest of the session does not allow a mode that the session asks
-                         * for */
-    PLAN_ERROR_BLOCKED, /* the arc or a light is in a camera's way, or a camera in a light's, and
-                         * on_blocked is refuse */
-    PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
+    /* An axis cannot reach a position, or an exposure is out of range. Also used if the session
+     * asks for a mode that the rig or the rest of the session does not allow. */
+    PLAN_ERROR_LIMITS,
+    /* The arc or a light is in a camera's way, or a camera is in a light's way, and on_blocked is
+     * refuse. */
+    PLAN_ERROR_BLOCKED,
+    PLAN_ERROR_SIZE, /* more poses or shots than a plan may have */
 };
 
 /* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ".

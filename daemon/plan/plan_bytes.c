@@ -23,14 +23,19 @@
 #define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
 
 /* Files of more than SMALL_PIXELS pixels, except the kept frames of a sweep, are compressed with
- * PIZ (intake_write.c). Each block of 32 rows has a separate table of codes, and the size of its
- * values depends on their noise. A part without its head has
+ * PIZ (intake_write.c). Each block of 32 rows has a separate table of codes. Without its head, a
+ * part has
  *     pixels · (surroundings + (lit − surroundings) · share − saved) + blocks · table
- * bytes, with saved = (NOISE_BITS − bits of the camera) · bit. Here share is the part of the pixels
- * that show the sample (lamp) or that the laser's line passes (sweep). Pixels that are not lit take
- * little space. The constants are a least-squares fit over captures of five simulated materials
- * (woven, brick, brushed, peanuts, ridges) at 384² to 1280² pixels. docs/lab/speed.md has the
- * errors, including those of captures that were left out of the fit. */
+ * bytes. The symbols are:
+ * - surroundings, lit, table, bit: the members of struct packing.
+ * - share: the part of the pixels that show the sample (lamp), or that the laser's line passes
+ *   (sweep).
+ * - saved = (NOISE_BITS − bits of the camera) · bit, because values with less noise take less
+ *   space.
+ *
+ * The constants are a least-squares fit over captures of five simulated materials (woven, brick,
+ * brushed, peanuts, ridges) at 384² to 1280² pixels. docs/lab/speed.md has the errors, including
+ * those of captures that were left out of the fit. */
 #define SMALL_PIXELS (256 * 256)
 #define BLOCK_ROWS   32
 #define NOISE_BITS   12 /* bits of the cameras of those captures */

@@ -6,8 +6,8 @@
 #define SEARCH_BUDGET 300000
 /* Maximum number of shots of a block whose best order is improved by the search. */
 #define SEARCH_LARGEST 1500
-/* Up to this number of shots, every candidate order is improved by the search, otherwise only the
- * best one. */
+/* With at most this number of shots, the search improves every candidate order. With more shots, it
+ * improves only the best one. */
 #define SEARCH_ALL    40
 #define LONGEST_MOVED 8
 
@@ -21,8 +21,8 @@ static gboolean is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
-/* The shots of a pose: those of lamps in order of the lamp's index, and sweeps, the one that takes
- * longest to prepare first. */
+/* The shots of a pose. Lamps come in order of their indices. Sweeps come in order of the time that
+ * they take to prepare, the longest first. */
 struct pose_shots {
     GArray *lamps, *sweeps; /* of guint */
 };

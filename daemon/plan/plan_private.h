@@ -16,18 +16,18 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle that some view or light needs. If cameras is not empty, udeg is an angle of the
- * turntable at which these cameras show a view. Otherwise the entry is for lights, and udeg is the
- * angle of the arc minus the angle of the turntable. `fixed` is TRUE in the one entry that all
- * fixed lamps and lasers share (those that are not on the arc); the arc stands at 0 for this entry.
- * `on_arm` is TRUE if one of the cameras is on the arm. All cameras of the entry that are on the
- * arm then have the same stop, arm_udeg. */
+/* An angle that some view or light needs. */
 struct plan_angle {
+    /* If cameras is not empty, an angle of the turntable at which these cameras show a view.
+     * Otherwise the entry is for lights, and udeg is the angle of the arc minus that of the
+     * turntable. */
     gint64 udeg;
     struct camera_set cameras;
+    /* TRUE in the one entry of the lamps and lasers that are not on the arc. The arc stands at 0
+     * for this entry. */
     gboolean fixed;
-    gboolean on_arm;
-    gint64 arm_udeg;
+    gboolean on_arm; /* whether one of the cameras is on the arm */
+    gint64 arm_udeg; /* if on_arm: the stop of all cameras of this entry that are on the arm */
 };
 
 struct plan_build {
@@ -81,9 +81,9 @@ gint64 plan_wrap(gint64 udeg); /* returns the angle modulo 360°, from 0 to belo
 /* Returns whether the rig does not have this axis. */
 gboolean plan_is_absent(const struct axis_motion *motion);
 
-/* Computes the position *ret_udeg at which an axis has an angle (modulo 360°): the one in [0°,
- * 360°) if the axis wraps, otherwise one within the limits of the axis, near 0. Returns FALSE if
- * there is none. */
+/* Computes the position *ret_udeg at which an axis has an angle (modulo 360°). If the axis wraps,
+ * this is the position in [0°, 360°). Otherwise it is the position within the limits of the axis
+ * that is nearest to 0. Returns FALSE if there is none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
 /* Returns those of the cameras that cannot see the whole disc of radius_mm around the origin

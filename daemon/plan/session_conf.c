@@ -257,9 +257,9 @@ static int greatest_divisor(int a, int b) {
     return b ? greatest_divisor(b, a % b) : a;
 }
 
-/* Returns whether two rings have a direction in common. Two azimuths o1 + k·360/n1 and o2 +
- * l·360/n2 are equal for some integers k and l if and only if o1 − o2 is a multiple of 360/lcm(n1,
- * n2). */
+/* Returns whether two rings have a direction in common. The azimuths of a ring are o + k·360°/n,
+ * where o is its offset, n its count and k an integer. Two rings have a common azimuth if and only
+ * if o1 − o2 is a multiple of 360°/lcm(n1, n2). */
 static gboolean rings_meet(const struct ring *a, const struct ring *b) {
     if (fabs(a->theta_deg - b->theta_deg) > 1e-6)
         return FALSE;

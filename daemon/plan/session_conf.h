@@ -26,8 +26,8 @@ enum auto_key { AUTO_EXPOSURES, AUTO_LASER, AUTO_SHORT, AUTO_KEYS };
 extern const char *const auto_key_names[AUTO_KEYS]; /* "exposures_us", … */
 
 #define AUTO_MAX_EXPOSURES 3 /* number of exposures of a bracket */
-/* Factor between the exposures that a plan assumes, and maximum factor between those that are
- * chosen. */
+/* AUTO_FACTOR is the factor between two successive exposures that a plan assumes. AUTO_MAX_FACTOR
+ * is the maximum factor between two successive exposures that are chosen. */
 #define AUTO_FACTOR     4
 #define AUTO_MAX_FACTOR 8
 
@@ -79,7 +79,8 @@ struct session_conf {
     enum on_blocked on_blocked;
     enum session_order order;
     enum session_motion motion;
-    /* MOTION_CONTINUOUS: maximum movement of a point of the sample during an exposure. */
+    /* with MOTION_CONTINUOUS: maximum movement of a point of the sample during an exposure, in
+     * texels */
     double blur_texels;
     enum laser_stop laser_stop;
     int laser_first; /* maximum number of sweeps of the first round at each turntable angle */

@@ -51,9 +51,12 @@ typedef struct Adaptive Adaptive;
 
 struct adaptive_hooks {
     /* Called when a round of n shots was chosen and stored. If n is 0, nothing is left to choose,
-     * and the remaining shots have been left out. of_lasers and of_lights describe the result for
-     * the session's events. Each is NULL if no choice was made for this kind. If error is set, n is
-     * 0, because a file cannot be read or the session cannot be written. */
+     * and the remaining shots have been left out.
+     *
+     * of_lasers and of_lights describe the result for the session's events. Each is NULL if no
+     * choice was made for this kind.
+     *
+     * If a file cannot be read or the session cannot be written, error is set and n is 0. */
     void (*chosen)(int n, const char *of_lasers, const char *of_lights, const GError *error,
                    gpointer data);
     gpointer data;
@@ -78,8 +81,8 @@ gboolean adaptive_is_wanted(const struct session_conf *conf);
 char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
                            enum session_shot_kind kind);
 
-/* Examines the frames that the session already has. Returns NULL if the session cannot be read or
- * written, or if its values are not as described above. */
+/* Examines the frames that the session already has. Returns NULL with an error if the session
+ * cannot be read or written, or if a stored value of a round is not valid. */
 Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error);
 void adaptive_free(Adaptive *adaptive); /* NULL is ignored; no hook is called after it */
 
@@ -87,8 +90,8 @@ void adaptive_free(Adaptive *adaptive); /* NULL is ignored; no hook is called af
  * rounds. */
 gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot *shot);
 
-/* Returns the number of the round of a shot, from 1; 0 if the shot is in no round yet. Shots that
- * do not come in rounds are in round 1. adaptive_rounds() returns the number of rounds so far. */
+/* Returns the number of the round of a shot, from 1, or 0 if the shot is in no round yet. Returns 1
+ * for shots that do not come in rounds. adaptive_rounds() returns the number of rounds so far. */
 int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot);
 int adaptive_rounds(const Adaptive *adaptive);
 

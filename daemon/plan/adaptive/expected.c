@@ -7,8 +7,8 @@
 
 /* Maximum distance of two unit vectors that count as the same direction. */
 #define SAME_DIRECTION 1e-4
-/* Maximum number of shots between two points of the curve, relative to the number of shots before.
- */
+/* Maximum number of shots between two points of the curve, as a part of the number of shots at the
+ * first of them. */
 #define MORE 0.5
 /* The predictor sums the error over at most PREDICTION_TARGETS pairs of a view and a light. If
  * there are more pairs and nothing is measured, the computed error is too small after many shots.

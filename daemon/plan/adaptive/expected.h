@@ -15,17 +15,22 @@ struct expected_point {
     double error_pct;
 };
 
-/* Computes the expected error after increasing numbers of shots. `like` is the directory of an
- * earlier session of the same or a similar material, or NULL. The measured values of the earlier
- * session are used for the new session. For directions that the earlier session does not have,
- * values are predicted. The shots are then chosen as during a capture (lamps.h), except that a
- * round has at most half as many shots as all earlier rounds together. If `like` is NULL, the
- * prediction is for no particular material. At most half of the shots are considered, or an eighth
- * if `like` is NULL and there are more than PREDICTION_TARGETS pairs of a view and a light. Returns
- * an array of struct expected_point, in order of time; g_array_unref(). The error is
- * DATA_ERROR_INVALID if the earlier session has no picture under a lamp, and DATA_ERROR_INCOMPLETE
- * if the plan has fewer than two views or two shots of lamps. Other errors are those of reading the
- * earlier session. */
+/* Computes the expected error after increasing numbers of shots. Returns an array of struct
+ * expected_point, in order of time; g_array_unref().
+ *
+ * `like` is the directory of an earlier session of the same or a similar material, or NULL. The
+ * measured values of the earlier session are used for the new session. For directions that the
+ * earlier session does not have, values are predicted. The shots are then chosen as during a
+ * capture (lamps.h), but a round has at most half as many shots as all earlier rounds together. If
+ * `like` is NULL, the prediction is for no particular material.
+ *
+ * At most half of the shots are considered. If `like` is NULL and there are more than
+ * PREDICTION_TARGETS pairs of a view and a light, at most an eighth of the shots is considered.
+ *
+ * On failure, returns NULL with one of these errors:
+ * - DATA_ERROR_INVALID: the earlier session has no picture under a lamp.
+ * - DATA_ERROR_INCOMPLETE: the plan has fewer than two views, or fewer than two shots of lamps.
+ * - An error of reading the earlier session. */
 GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                        const struct rig_timing *timing, const struct plan *plan, const char *like,
                        const struct work *work, GError **error);

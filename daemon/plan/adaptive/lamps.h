@@ -1,14 +1,17 @@
 /*
  * Chooses the shots of lamps that join a further round of a session with [lights] sampling =
  * adaptive. The choice depends on how well the pictures that are not taken can be predicted from
- * the pictures that are (selection/prediction.h).
+ * the pictures that are taken (selection/prediction.h).
  *
  * Some hundred texels of each committed frame, the probes, are rectified and converted to
  * reflectances as in the BTF. The predictor uses these values. Shots are chosen one after the
  * other. The next one is always the shot that lowers the expected error most for its price
- * (plan_lamp_prices_s()). The round is complete when the error is expected to be below [lights]
- * error_pct, when [lights] budget_min is used up, or when the round has as many shots as all
- * earlier rounds together. All functions but lamps_choose() belong to the main loop's thread.
+ * (plan_lamp_prices_s()). The round is complete when one of these is true:
+ * - The error is expected to be below [lights] error_pct.
+ * - [lights] budget_min is used up.
+ * - The round has as many shots as all earlier rounds together.
+ *
+ * All functions but lamps_choose() belong to the main loop's thread.
  */
 #pragma once
 
@@ -43,9 +46,11 @@ void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
  * the lamps in these shots. Returns FALSE with an error if the session cannot be read. */
 gboolean lamps_note_done(Lamps *lamps, GError **error);
 
-/* The reason why there is no further round: the error is small enough (LAMPS_KNOWN), the budget
- * has no time for a further shot (LAMPS_BUDGET), or no shot is left (LAMPS_ALL). LAMPS_GO_ON
- * means that there is one. */
+/* Whether there is a further round, and why not:
+ * - LAMPS_GO_ON: there is a further round.
+ * - LAMPS_KNOWN: there is none, because the error is small enough.
+ * - LAMPS_BUDGET: there is none, because the budget has no time for a further shot.
+ * - LAMPS_ALL: there is none, because no shot is left. */
 enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 
 struct lamps_choice {

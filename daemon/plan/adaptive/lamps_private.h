@@ -26,15 +26,17 @@ struct Lamps {
  * session_direction. */
 Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views, const GPtrArray *lights);
 
-/* Returns the reflectances of all pairs, relative to the output of the lamp in each shot: n_probes
- * × 3 rows with one value for each pair; g_free(). The values of pictures that are not taken are
- * NAN. *ret_taken is the number of pictures that are taken. If there are more pictures than the
- * predictor can use (PREDICTION_MAX_MEASURED), only an evenly spread part of them is given. In the
- * expected error, the others then count as predicted. */
+/* Returns the reflectances of all pairs, relative to the output of the lamp in each shot. The table
+ * has n_probes × 3 rows with one value for each pair; g_free(). The values of pictures that are not
+ * taken are NAN. *ret_taken is the number of pictures that are taken.
+ *
+ * The predictor can use at most PREDICTION_MAX_MEASURED pictures. If more are taken, only an evenly
+ * spread part of them is given. In the expected error, the other pictures then count as predicted.
+ */
 float *lamps_table(const Lamps *lamps, int *ret_taken);
 
-/* Maximum number of shots of a chain in a pass of the turntable, and of a chain for which the
- * turntable stops at each shot. */
+/* Maximum number of shots of a chain: CHAIN if the chain is in a pass of the turntable,
+ * CHAIN_STANDING if the turntable stops at each shot. */
 #define CHAIN          12
 #define CHAIN_STANDING 4
 
