@@ -347,8 +347,8 @@ void devices_close(struct devices *devices) {
     g_free(devices);
 }
 
-/* Adds an error, if it is not NULL, to the collected errors. These are one error with the domain
- * and code of the first one and the messages of all. Takes ownership of error. */
+/* Adds an error, if it is not NULL, to the collected errors. *collected is a single error with the
+ * domain and the code of the first one, and with the messages of all. Takes ownership of error. */
 static void collect(GError **collected, GError *error) {
     if (!error)
         return;

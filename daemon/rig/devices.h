@@ -140,8 +140,10 @@ gboolean devices_make_safe(struct devices *devices, GError **error);
 /* Returns the present result of devices_make_safe() as a(sss), floating. Each laser, lamp bank and
  * axis has an entry with its class, its name, and "read back", "commanded only" (no answer yet) or
  * "NOT safe". For a device that cannot be read back, the text of driver_info.confirmed replaces
- * "read back". *ret is DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a
- * device is unsafe, otherwise DEVICE_SAFE. */
+ * "read back".
+ *
+ * *ret is DEVICE_TOLD if a device has not answered yet. Otherwise it is DEVICE_UNSAFE if a device
+ * is unsafe, and DEVICE_SAFE if none is. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
 /* Set the permit and the watch function (drivers/device.h) of each axis, lamp bank and laser. */
@@ -151,8 +153,8 @@ void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpoint
  * serial number 7” (char *, with a free function). Interlocks and cameras are included. Devices
  * that report nothing are left out. All devices must be open. */
 GPtrArray *devices_identities(const struct devices *devices);
-/* Returns whether any axis has not confirmed that it stands, or any lamp bank or laser that it is
- * off. */
+/* Returns whether any device is unsafe: an axis that has not confirmed that it stands, or a lamp
+ * bank or laser that has not confirmed that it is off. */
 gboolean devices_any_unsafe(const struct devices *devices);
 
 /* Commands the safe state, and waits until every device has confirmed it. Lasers and lamps must

@@ -141,11 +141,13 @@ static struct vec3 position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Sets *ret_fixed to whether a lamp or laser is fixed: it is if its azimuth is given, or if
- * there is no arc. Without an arc, the azimuth may be left out only for a lamp or laser
- * overhead, where every azimuth is the same position. In any other position, the azimuth is
- * missing: returns FALSE, and reports that unless the heading of another section is wrong, which
- * may be the one of the arc. */
+/* Sets *ret_fixed to whether a lamp or laser is fixed. It is fixed if its azimuth is given, or if
+ * there is no arc.
+ *
+ * Without an arc, the azimuth may be left out only for a lamp or laser overhead, where every
+ * azimuth is the same position. In any other position, returns FALSE and reports that the azimuth
+ * is missing. If the heading of another section is wrong, this section may be the one of the arc.
+ * Then nothing is reported. */
 static gboolean take_carrier(const struct layout *layout, const struct config_section *section,
                              const struct place_fields *place, int *ret_fixed, Mistakes *mistakes) {
     const gboolean given = config_value(section, "phi_deg", NULL) != NULL;

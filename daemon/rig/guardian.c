@@ -20,7 +20,8 @@
 #define LOOK_US        (2 * BEAT_MS * 1000) /* maximum silence that one check adds */
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
-/* A guardian that has run for this time is restarted after MIN_RESTART_MS. */
+/* If a guardian has run for longer than this, the pause before its restart is MIN_RESTART_MS again.
+ */
 #define LASTED_US (10 * G_USEC_PER_SEC)
 #define AWAIT_US  (5 * G_USEC_PER_SEC)
 
@@ -34,8 +35,8 @@ struct Guardian {
     gint64 started_us;
     gint64 answered_us; /* time of the guardian's last answer; 0 if there was none */
     gint64 asked_us;    /* time when guardian_answers() last waited */
-    /* looked_us: time of the last check. silent_us: time without an answer, to which each check
-     * adds at most LOOK_US; −START_MS when the guardian has been started. */
+    /* looked_us is the time of the last check. silent_us is the time without an answer. Each check
+     * adds at most LOOK_US to it. It is −START_MS when the guardian has been started. */
     gint64 looked_us, silent_us;
     char *refusal; /* reason that the guardian sent instead of its first answer */
 };
@@ -138,7 +139,7 @@ static void on_ended(GPid pid, int status, gpointer data) {
 }
 
 /* Starts the guardian. Its standard input is one end of a socket pair, so it notices the end of the
- * daemon in any case. */
+ * daemon even if the daemon was killed. */
 static gboolean do_start(Guardian *guardian, GError **error) {
     const char *const argv[] = {"/proc/self/exe", "mesorigd", "--guardian", guardian->rig_path,
                                 NULL};
@@ -239,8 +240,8 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 
     if (do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
-    /* GUARDIAN_SAFE, because no device has been opened. A guardian that has refused continues its
-     * work, or has ended. */
+    /* The guardian is told that the rig is safe, because no device has been opened. A guardian that
+     * has refused may be making the rig safe after an earlier daemon, and continues to do so. */
     guardian_end(guardian, GUARDIAN_SAFE);
     return NULL;
 }

@@ -30,8 +30,8 @@ struct guarding {
     struct place place;
     pid_t daemon;
     int process; /* pidfd of the daemon; -1 if there is none */
-    /* Time since the daemon's last heartbeat, and time of the last look at the clock. At most
-     * LOOK_US are added at each look. */
+    /* silent_us is the time since the daemon's last heartbeat. looked_us is the time of the last
+     * look at the clock. Each look adds at most LOOK_US to silent_us. */
     gint64 silent_us, looked_us;
     gboolean pause; /* whether missing heartbeats do not mean a hang */
 };
