@@ -46,9 +46,9 @@ static void add(GArray *lamps, const struct bank_fields *fields, double theta_de
     g_array_append_val(lamps, lamp);
 }
 
-/* Adds a spiral whose lamps have equal parts of the zone between θ₀ = theta_from_deg and θ₁ =
- * theta_to_deg. Lamp i of n, counted from 0, has cos θ = cos θ₀ − (i + ½)/n (cos θ₀ − cos θ₁) and φ
- * = i times the golden angle. */
+/* Adds a spiral of n lamps over the zone between θ₀ = theta_from_deg and θ₁ = theta_to_deg. Each
+ * lamp has an equal part of the area of the zone. For lamp i, counted from 0, cos θ = cos θ₀ − (i +
+ * ½)/n (cos θ₀ − cos θ₁), and φ is i times the golden angle. */
 static gboolean add_spiral(GArray *lamps, const struct bank_fields *fields,
                            const struct config_section *section, Mistakes *mistakes) {
     const double top = cos(fields->theta_from_deg / DEG), rim = cos(fields->theta_to_deg / DEG);

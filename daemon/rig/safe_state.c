@@ -62,9 +62,9 @@ static gboolean is_axis(const struct job *job) {
 }
 
 /* Returns whether a section describes a device that has to be made safe. If the driver is known, it
- * decides: it must be a driver of lasers, lamps or axes. If the driver is not known, the class name
- * decides: it must be laser, lamps or axis, or a name that this program does not know, in a section
- * with keys. A further mount position of a laser is not a device. */
+ * must be a driver of lasers, lamps or axes. If the driver is not known, the class name of the
+ * section must be laser, lamps or axis. A class name that this program does not know also counts if
+ * the section has keys. A further mount position of a laser is not a device. */
 static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 
@@ -308,9 +308,9 @@ static void set_text(char *ret_text, const struct job *job, const char *format, 
     g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
-/* Returns whether a guardian can leave a device to the process that has the device open: that
- * process must be another daemon, which has switched the device off when it opened the device, and
- * has a guardian. */
+/* Returns whether a guardian can leave a device to the process `other`, which has the device open.
+ * This process must be another daemon. Such a daemon has switched the device off when it opened the
+ * device, and has its own guardian. */
 static gboolean is_left(pid_t other) {
     return lock_get_role() == LOCK_GUARDIAN && lock_is_daemon(other);
 }

@@ -36,8 +36,10 @@ enum safe_try {
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
     /* No attempt can succeed, because the section of the device is wrong, or may name another
-     * device. Also the result in a guardian if the attempt fails while a mesorigd has the device
-     * open, and the cause is not that the device is busy. The device is left to that mesorigd. */
+     * device.
+     *
+     * A guardian also gets this result if a mesorigd has the device open and the attempt fails for
+     * a reason other than a busy device. The device is then left to that mesorigd. */
     SAFE_TRY_NEVER,
 };
 

@@ -178,8 +178,8 @@ static const char *needed(const struct web_task *task, const struct step *step, 
     return NULL;
 }
 
-/* Adds the directories of the sessions that the query names. Otherwise answers the task and returns
- * FALSE. */
+/* Adds the directories of the sessions that the query names. If the query or a name is wrong, or a
+ * session does not exist, answers the task and returns FALSE. */
 static gboolean add_sessions(const struct web_task *task, const struct step *step,
                              GPtrArray *arguments) {
     const char *value = needed(task, step, "sessions", "flat/leaning");
@@ -202,7 +202,8 @@ static gboolean add_sessions(const struct web_task *task, const struct step *ste
     return TRUE;
 }
 
-/* Adds the option of a step. Otherwise answers the task and returns FALSE. */
+/* Adds the option that a step needs, if it needs one. If the query lacks it or its value is wrong,
+ * answers the task and returns FALSE. */
 static gboolean add_option(const struct web_task *task, const struct step *step,
                            GPtrArray *arguments) {
     const gboolean has_board =
@@ -244,8 +245,8 @@ static gboolean add_option(const struct web_task *task, const struct step *step,
     return TRUE;
 }
 
-/* Returns the arguments of mesorig for a step; g_ptr_array_unref(). Otherwise answers the task and
- * returns NULL. */
+/* Returns the arguments of mesorig for a step; g_ptr_array_unref(). If the query is wrong, or an
+ * earlier step must come first, answers the task and returns NULL. */
 static GPtrArray *arguments_of(const struct web_task *task, const struct step *step,
                                const char *draft) {
     g_autoptr(GPtrArray) to = g_ptr_array_new_with_free_func(g_free);
@@ -282,8 +283,8 @@ static GPtrArray *arguments_of(const struct web_task *task, const struct step *s
     return g_steal_pointer(&to);
 }
 
-/* Checks that the calibration of a task can still be changed. Otherwise answers the task and
- * returns FALSE. */
+/* Returns whether the calibration of a task can still be changed. If it cannot, answers the task.
+ */
 static gboolean check_open(const struct web_task *task) {
     struct stat info;
     if (!web_files_check(task, task->name))

@@ -188,8 +188,9 @@ static gboolean add_file(const struct web_task *task, const char *path, gsize mo
     return TRUE;
 }
 
-/* Calls Validate, Start or QueueAdd with the session file of a task, the calibration and the
- * session directory that the query names, and these options of the query, which are 0 or 1. */
+/* Calls Validate, Start or QueueAdd with the session file of a task, and with the calibration and
+ * the session directory that the query names. flags names further keys of the query that become
+ * options of the method. Their values are 0 or 1. */
 static void call_with_file(const struct web_task *task, const char *method,
                            const char *const *flags, char *(*to_json)(GVariant *answer)) {
     const char *session = web_task_value(task, "session");

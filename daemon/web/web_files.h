@@ -19,8 +19,7 @@
  * character, no period at the beginning. */
 gboolean web_files_is_name(const char *name);
 
-/* Checks that there is a folder and that a name is allowed. Otherwise answers the task and returns
- * FALSE. */
+/* Returns whether there is a folder and the name is allowed. If not, answers the task. */
 gboolean web_files_check(const struct web_task *task, const char *name);
 
 /* Returns the path of a file in the folder: FOLDER/NAME and the ending; g_free(). */
@@ -47,8 +46,8 @@ void web_files_add_section(const struct web_task *task, const char *section,
 void web_files_add(const struct web_task *task, const GPtrArray *names, const char *ending,
                    mode_t type, GVariantBuilder *entries);
 
-/* Returns FOLDER/NAME.session if it is a directory and no link; g_free(). Otherwise answers the
- * task and returns NULL. */
+/* Returns FOLDER/NAME.session; g_free(). If this is not a directory, or is a link, answers the task
+ * and returns NULL. */
 char *web_files_directory(const struct web_task *task, const char *name);
 
 /* Answers {"folder": true, "files": [{"name", "bytes", "changed"}, …]}. A file is listed if it has

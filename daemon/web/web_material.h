@@ -44,9 +44,11 @@ void web_material_follow(WebMaterial *material, const char *directory);
 char *web_material_text(const WebMaterial *material, GError **error);
 
 /* Gets the picture of a pair, measured or predicted: height × width texels of 4 bytes, little
- * endian, in the format of partial/shared_exponent.h. back is called once. It is called within this
- * function if the picture is measured or if no session is followed. Otherwise it is called later
- * from the main loop, or by web_material_follow() or web_material_free() when the session is left.
- * picture is NULL if error is set. back owns neither. */
+ * endian, in the format of partial/shared_exponent.h. back is called once. picture is NULL if error
+ * is set. back owns neither picture nor error.
+ *
+ * back is called within this function if the picture is measured or if no session is followed.
+ * Otherwise it is called later from the main loop, or by web_material_follow() or
+ * web_material_free() when the session is left. */
 typedef void (*WebMaterialPicture)(GBytes *picture, const GError *error, gpointer data);
 void web_material_picture(WebMaterial *material, int pair, WebMaterialPicture back, gpointer data);

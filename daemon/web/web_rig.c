@@ -251,8 +251,8 @@ static gboolean tell_state(gpointer data) {
     rig->state_id = 0;
     if (rig->rig)
         take_sample(rig);
-    /* The places of a large rig are more than the rest of the state, and they hardly ever change.
-     */
+    /* The places of a large rig take more bytes than the rest of the state, and they hardly ever
+     * change. */
     GVariant *places = rig->rig ? bus_rig1_get_places(rig->rig) : NULL;
     const gboolean moved =
         places != rig->told_places &&
@@ -347,8 +347,8 @@ static void detach(WebRig *rig) {
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, unless the reason is the same as before, and tries
- * again after AGAIN_S. Takes ownership of why. */
+/* Reports why the daemon cannot be reached, but not the same reason twice in a row. Tries again
+ * after AGAIN_S. Takes ownership of why. */
 static void stay_away(WebRig *rig, GError *why) {
     if (g_strcmp0(rig->away, why->message) != 0)
         g_printerr("mesorig-web: %s; mesorig-web tries again every %d s\n", why->message, AGAIN_S);

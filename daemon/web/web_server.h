@@ -1,11 +1,15 @@
 /*
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
  * in docs/operate/web.md. Everyone who reaches the port may read and, unless safe_needs_token is
- * set, make the rig safe. All other requests need the token. Requests from pages of other sites are
- * refused: the header Host must be a name of this server (against DNS rebinding), the header
- * Origin, if there is one, must be the same name with scheme and port, and no response allows other
- * origins. The limits of connections and times are in web_door.h. All functions belong to the main
- * loop's thread.
+ * set, make the rig safe. All other requests need the token.
+ *
+ * Requests from pages of other sites are refused:
+ * - The header Host must be a name of this server, against DNS rebinding.
+ * - If there is a header Origin, it must be the same name with scheme and port.
+ * - No response allows other origins.
+ *
+ * The limits of connections and times are in web_door.h. All functions belong to the main loop's
+ * thread.
  */
 #pragma once
 

@@ -208,7 +208,7 @@ void web_snaps_take(const struct web_task *task) {
                        g_variant_new("(sxd)", task->name, (gint64)exposure_us, 0.0), on_snap, shot);
 }
 
-/* Returns whether the last picture is of the camera of the task. Otherwise answers the task. */
+/* Returns whether the last picture is of the camera of the task. If it is not, answers the task. */
 static gboolean has_picture(const struct web_task *task) {
     if (task->snaps->camera && strcmp(task->snaps->camera, task->name) == 0)
         return TRUE;
