@@ -42,7 +42,7 @@ struct axis_state {
      * a fault or a "stop" has failed. The class repeats "stop" until the device confirms it. */
     gboolean doubt;
     gboolean unsafe; /* a stop has failed; implies doubt */
-    /* the driver has not reported the end of the motion; FALSE during settling */
+    /* TRUE until the driver has reported the end of the motion, so FALSE while the axis settles */
     gboolean driver_moves;
     gboolean stopping;
     /* The axis was stopped on the way, so the next move takes up backlash in either direction. */

@@ -28,7 +28,8 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
  * with a copy of the struct that AXIS_MOTION_OPTIONS has filled in the driver's private data. */
 struct axis_motion {
     double min_deg, max_deg; /* limits of the position, inclusive */
-    /* whether the axis turns without end: it then takes targets modulo 360, the shorter way */
+    /* whether the axis turns without end; it then takes targets modulo 360 and goes the shorter way
+     */
     gboolean wraps;
     double speed_deg_s;  /* top speed, above 0 */
     double accel_deg_s2; /* above 0; also the deceleration */

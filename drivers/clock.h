@@ -44,8 +44,9 @@ guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data
 void clock_cancel(Clock *clock, guint *id);
 
 /* While the clock is held, virtual time stands still. Another thread holds the clock while it does
- * work that takes no simulated time, such as rendering a frame or writing a file. Holds nest. They
- * have no effect on the real clock. */
+ * work that takes no simulated time, such as rendering a frame or writing a file. Several threads
+ * may hold the clock at once: it is held until each clock_hold() was followed by a clock_release().
+ * Both functions have no effect on the real clock. */
 void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
 

@@ -160,9 +160,9 @@ static void take(struct lights *lights, const struct command *command, const GEr
     settle(lights, error);
 }
 
-/* Removes the overdue "off" to the same light before this one, unless an "on", or a command that
- * may still be answered in time, was sent between them. An answer that still comes proves the same
- * for both, so only the newer "off" is kept. */
+/* Removes an older overdue "off" to the same light from the list. An answer that still comes proves
+ * the same for both, so only the newer "off" is kept. The older one stays if an "on", or a command
+ * that may still be answered in time, was sent between them. */
 static void forget_older(struct lights *lights, const struct command *command) {
     GList *l = g_queue_find(&lights->commands, command);
     for (l = l ? l->prev : NULL; l; l = l->prev) {

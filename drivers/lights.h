@@ -28,8 +28,8 @@ struct lights *lights_new(gpointer device, int n, gboolean many, LightsSend send
                           LightsAnswer answer);
 void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ignored */
 
-/* Switches a light. Unless the call fails, it is answered once. The commands to one light are
- * answered in order. */
+/* Switches a light. If this returns TRUE, LightsAnswer is called once. The commands to one light
+ * are answered in order. */
 gboolean lights_set(struct lights *lights, int index, gboolean on, GError **error);
 
 /* Takes the report of a driver. A report that fits no command is ignored, unless it says that there

@@ -9,11 +9,12 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define PREFIX      "mesorig "
-#define RESCUE      " rescue" /* suffix of the key while a program makes the device safe */
-#define RESCUE_US   (5 * G_USEC_PER_SEC) /* longest time that an owner waits for such a program */
-#define LOOK_US     20000
-#define DRAIN_S     10  /* time between two drains; up to SOMAXCONN processes may ask meanwhile */
+#define PREFIX    "mesorig "
+#define RESCUE    " rescue"            /* suffix of the key while a program makes the device safe */
+#define RESCUE_US (5 * G_USEC_PER_SEC) /* longest time that an owner waits for such a program */
+#define LOOK_US   20000
+/* time between two calls of on_drain(); up to SOMAXCONN processes may connect meanwhile */
+#define DRAIN_S     10
 #define MAX_COMMAND 120 /* largest number of bytes of a command line that are shown */
 
 struct Lock {
@@ -25,8 +26,8 @@ struct Lock {
 static gint role = LOCK_OWNER; /* atomic */
 static gint found;             /* atomic; the result of lock_steal_found() */
 
-/* Held while a socket is closed or drained. The main loop therefore never accepts from a descriptor
- * that another thread has closed. */
+/* Held while a socket is closed, and while on_drain() accepts connections from it. The main loop
+ * therefore never accepts from a descriptor that another thread has closed. */
 static GMutex drain_mutex;
 
 void lock_set_role(enum lock_role wanted) {

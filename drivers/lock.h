@@ -5,15 +5,18 @@
  * when the process ends for any reason. A stopped process keeps it.
  *
  * A lock is a listening socket in the abstract namespace of AF_UNIX. Its name is the key of the
- * device. Lock files would not work, because the service runs as another user than the daemons of
- * ordinary users. It shares no writable folder with them (ProtectSystem=strict, PrivateTmp=yes),
- * and it cannot read /proc/locks and the command lines of other users. Abstract names are the same
- * for all users, and in every sandbox that shares the network, as the sandbox of the service does.
- * They leave no file behind. A connection to the socket tells which process holds it (SO_PEERCRED),
- * even if that process hangs. A container with a separate network does not see these locks. There
- * the lock of the line itself (drivers/modbus/serial.h) and the kernel's locks of USB interfaces
- * still protect the device. Anybody who may run programs on the computer can take a name, and can
- * also switch a board on the network.
+ * device. A connection to the socket tells which process holds it (SO_PEERCRED), even if that
+ * process hangs. Abstract names are the same for all users, and in every sandbox that shares the
+ * network, as the sandbox of the service does. They leave no file behind.
+ *
+ * Lock files would not work, because the service runs as another user than the daemons of ordinary
+ * users. The service shares no writable folder with these daemons (ProtectSystem=strict,
+ * PrivateTmp=yes), and it cannot read /proc/locks and the command lines of other users.
+ *
+ * A container with a separate network does not see these locks. There the lock of the line itself
+ * (drivers/modbus/serial.h) and the kernel's locks of USB interfaces still protect the device.
+ * Anybody who may run programs on the computer can take a name, but such a person can also switch a
+ * board on the network.
  *
  * Programs that make a rig safe (mesorigd --safe-state, the guardian) take no lock, because a
  * daemon that starts meanwhile must not fail because of them. See enum lock_role.
@@ -31,13 +34,11 @@ enum lock_role {
     /* The default. Takes the lock, or fails. If the device is LOCK_ALONE and another program is
      * making it safe, lock_take() first waits up to five seconds for that program. */
     LOCK_OWNER,
-    /* The roles LOCK_GUARDIAN and LOCK_OPERATOR make a rig safe. Both fail if the device is
-     * LOCK_ALONE and another process is making it safe.
-     * LOCK_GUARDIAN is for the work after the end of a daemon. It also fails if another process has
-     * the lock. */
+    /* For the work of a guardian after the end of a daemon. lock_take() fails if another process
+     * has the lock, or if the device is LOCK_ALONE and another process is making it safe. */
     LOCK_GUARDIAN,
-    /* LOCK_OPERATOR is for an operator who requests the safe state. It also fails if another
-     * process has the lock and the device is LOCK_ALONE. */
+    /* For an operator who requests the safe state. lock_take() fails if the device is LOCK_ALONE
+     * and another process has the lock or is making the device safe. */
     LOCK_OPERATOR,
 };
 

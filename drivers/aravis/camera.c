@@ -13,14 +13,16 @@
 #define STAMP_US    1000 /* stamp_us of camera_format (drivers/camera.h) with a global shutter */
 
 struct aravis_camera {
-    struct aravis_options options; /* the first member, which the option table describes */
+    /* must be the first member, because the option table describes it */
+    struct aravis_options options;
     AravisWorker *worker;
     struct aravis_limits limits;
     struct camera_settings settings;
     GError *lost;
     guint exposed_timer, stale_timer;
     gint64 exposed_us; /* when the end of the exposure was reported; 0 before that */
-    gint64 before_us;  /* time from the start of the last old frame's exposure to the trigger */
+    /* of the last frame that was too old: time from the start of its exposure to the trigger */
+    gint64 before_us;
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)

@@ -22,8 +22,8 @@
 
 #define PULSE_US 1000
 
-/* Longest time that Aravis may take to report that a camera was unplugged, and the time between two
- * looks whether the report has ended. */
+/* MAX_REPORT_US is the longest time that Aravis may take to report that a camera was unplugged.
+ * LOOK_REPORT_US is the pause between two checks whether the report has ended. */
 #define MAX_REPORT_US  G_USEC_PER_SEC
 #define LOOK_REPORT_US 1000
 

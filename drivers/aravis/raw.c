@@ -25,14 +25,17 @@ static const char *const effects[] = {
 };
 
 /*
- * Features of a function are tried in this order until one is neutral. They are separated by
- * spaces. NAME is a switch: the function has no effect if the switch is false, or is set to a
- * choice such as Off. NAME=VALUE is a choice or a strength at which the function has no effect.
+ * The functions that alter frames. The features of a function are tried in this order until one is
+ * neutral, which means that the function has no effect. They are separated by spaces. NAME is a
+ * switch: it is neutral if it is false, or is set to a choice such as Off. NAME=VALUE is neutral if
+ * the feature has this choice or strength.
+ *
  * Names are those of the Standard Features Naming Convention and of the makers' description files.
- * Some functions stay as they are: geometry, and linear and steady functions that belong to the
- * sensor (correction of columns, clamping to dark pixels). Functions that alter only the Mono
- * formats of colour cameras (OnBoardColorProcessEnabled) are left out, because the driver uses the
- * Bayer formats of these cameras.
+ * The table does not have:
+ * - geometry, and linear and steady functions that belong to the sensor (correction of columns,
+ *   clamping to dark pixels), because they may stay on;
+ * - functions that alter only the Mono formats of colour cameras (OnBoardColorProcessEnabled),
+ *   because the driver uses the Bayer formats of these cameras.
  */
 static const struct {
     const char *what;
@@ -93,8 +96,8 @@ struct survey {
 
 struct visit { /* the state of a feature over all positions of its selectors */
     gboolean available, on;
-    /* values at the first position where the feature is on; if it is on nowhere, at the last
-     * position */
+    /* values at the first position of the selectors where the feature is on; if it is on at none,
+     * values at the last position */
     char *position, *value, *why;
 };
 

@@ -5,9 +5,11 @@
 
 #include <string.h>
 
-/* longer than 3 s, after which a camera releases a killed program's control */
+/* Time to wait for control of the camera. A camera releases the control of a killed program after 3
+ * s. */
 #define OPEN_CONTROL_S 4.5
-#define OPEN_LIMIT_S   15 /* for all cameras together: half the watchdog time of the service */
+/* limit for the opening of all cameras together: half the watchdog time of the service */
+#define OPEN_LIMIT_S   15
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
 #define CHECK_EVERY_US (G_USEC_PER_SEC / 2)

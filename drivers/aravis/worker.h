@@ -16,8 +16,8 @@ struct aravis_hooks {
     /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* the hook takes ownership of the reference */
-    /* A frame has come whose exposure began before_us before its trigger (or whose arrival did, as
-     * answer_frame() says). The frame is not used. The right frame may follow. */
+    /* A frame is too old: its exposure, or with a camera without a clock its arrival, began
+     * before_us before its trigger. The frame is not used. The right frame may follow. */
     void (*stale)(gint64 before_us, gpointer data);
     /* A request has failed, the frame of a trigger has failed, or the camera was lost. A trigger
      * that waited for its frame has ended. The hook takes ownership of the error. */

@@ -1,8 +1,8 @@
 /*
  * DSLR and mirrorless cameras, by libgphoto2. The library may wait for ever inside a call, and only
- * the end of its process frees it. Therefore each camera has a process of its own, mesorig-gphoto2,
- * which the driver runs as a program that is a device (program/camera.h). The functions here belong
- * to the main loop's thread.
+ * the end of its process ends this wait. Therefore each camera has a process of its own,
+ * mesorig-gphoto2, which the driver runs as a program that is a device (program/camera.h). The
+ * functions here belong to the main loop's thread.
  */
 #pragma once
 

@@ -16,7 +16,7 @@
 
 #define EVENT_MS 10 /* time that the library may wait for an event; over PTP/IP it waits 1 ms */
 #define PAUSE_MS 5
-/* Longest time that a look for events and a pause take while this program runs. */
+/* Longest normal time from one look for events to the next, with the pause between them. */
 #define MAX_PASS_US  (2 * (EVENT_MS + PAUSE_MS) * 1000)
 #define MAX_IDLE     32 /* largest number of events that are taken while nothing is asked */
 #define SETTING_US   (2 * G_USEC_PER_SEC)
@@ -25,9 +25,10 @@
 #define MIN_CARD_KB  1024
 #define COMPANION_US (G_USEC_PER_SEC / 2) /* shortest time to wait for a raw file after a JPEG */
 #define DATE_US      (3 * G_USEC_PER_SEC) /* largest error of the date of a file */
-#define LOOK_US      G_USEC_PER_SEC       /* kept before the deadline, for a look at the card */
-#define USB_DEVICES  "/sys/bus/usb/devices"
-#define PTPIP_MODEL  "PTP/IP Camera"
+/* time before the deadline that is left for a look at the card */
+#define LOOK_US     G_USEC_PER_SEC
+#define USB_DEVICES "/sys/bus/usb/devices"
+#define PTPIP_MODEL "PTP/IP Camera"
 
 struct exposure {
     gint64 us;
@@ -102,7 +103,7 @@ static char *read_attribute(const char *place, const char *name) {
     return g_file_get_contents(path, &text, NULL, NULL) ? g_strstrip(text) : NULL;
 }
 
-/* Returns the port of libgphoto2 of a place on USB, such as "usb:001,005" of "1-2.4", or NULL if
+/* Returns the port of libgphoto2 for a place on USB: "usb:001,005" for "1-2.4". Returns NULL if
  * nothing is plugged in there. */
 static char *port_of_place(const char *place) {
     g_autofree char *bus = read_attribute(place, "busnum");
@@ -110,7 +111,8 @@ static char *port_of_place(const char *place) {
     return bus && device ? g_strdup_printf("usb:%03d,%03d", atoi(bus), atoi(device)) : NULL;
 }
 
-/* Returns the place of a port of libgphoto2, or the port if it has none. */
+/* Returns the place on USB that has a port of libgphoto2. Returns the port itself if it is not on
+ * USB. */
 static char *place_of_port(const char *port) {
     g_autoptr(GDir) dir = g_dir_open(USB_DEVICES, 0, NULL);
     for (const char *place; dir && (place = g_dir_read_name(dir));) {
@@ -569,10 +571,10 @@ static gboolean pause_shot(const struct still_shot *shot, GError **error) {
     return FALSE;
 }
 
-/* Returns the time in µs by which a loop that looks for events may run longer: the time in which
- * this program could not run, for example on a busy computer. A virtual camera or the network was
- * often held up for the same time. *pass_us is the time of the last call, and is set to the present
- * time. */
+/* Returns the time in µs by which a loop that looks for events may run longer. This is the time in
+ * which this program could not run, for example on a busy computer. The loop may run longer because
+ * a virtual camera or the network was often held up for the same time. *pass_us is the time of the
+ * last call, and is set to the present time. */
 static gint64 forgive(gint64 *pass_us) {
     const gint64 took_us = now_us() - *pass_us;
     *pass_us += took_us;
@@ -588,10 +590,12 @@ static gboolean answers(Still *still) {
     return code >= GP_OK || code == GP_ERROR_NOT_SUPPORTED;
 }
 
-/* Connects a camera again that does not answer. Waits for the picture of a shot that was given up,
- * and removes that picture. If the camera does not announce the picture, looks for it on the card.
- * Returns FALSE with an error at the deadline of the shot, if the shot was given up, or if the
- * camera cannot be connected or its card cannot be read. */
+/* Connects the camera again if it does not answer. Then waits for the picture of a shot that was
+ * given up, and removes that picture. If the camera does not announce the picture, looks for it on
+ * the card.
+ *
+ * Returns FALSE with an error if the deadline of the present shot has come, if the present shot is
+ * given up, if the camera cannot be connected, or if its card cannot be read. */
 static gboolean settle(Still *still, const struct still_shot *shot, GError **error) {
     CameraFilePath path;
     if (still->camera && !answers(still))

@@ -1,12 +1,13 @@
 /*
- * A still camera that libgphoto2 drives. The functions wait, and some of them may wait for ever:
- * the end of the process is the only cure (mesorig-gphoto2.c).
+ * A still camera that libgphoto2 drives. The functions wait, and some of them may wait for ever.
+ * Only the end of the process then helps (mesorig-gphoto2.c).
  *
  * A trigger and its picture are only loosely connected in libgphoto2. The picture is announced by
- * an event that may come late or never. A picture that was given up arrives later, and must not be
- * taken for the next one. Therefore a shot first settles the shots that were given up. After its
- * trigger, it waits for the event, at most for three times the exposure plus trigger_ms and
- * readout_ms. If no event has come by then, it looks for a new file on the card.
+ * an event that may come late or never. The picture of a shot that was given up arrives later, and
+ * must not be taken for the next one. Therefore a shot first waits for such pictures and removes
+ * them. After its trigger, it waits for the event, at most for three times the exposure plus
+ * trigger_ms and readout_ms. If no event has come by then, it looks for a new file on the card.
+ *
  * After an error of the connection, the camera is connected again and searched for the picture.
  * Times are those of g_get_monotonic_time(). Errors are G_IO_ERROR without a subject.
  */

@@ -50,10 +50,11 @@ struct modbus_axis {
     gboolean was_still; /* the drive stood in the last poll of a stop */
     gint64 target_steps, steps;
     double speed_deg_s; /* value of the drive's speed register */
-    /* still_us: time of the last command or of the last poll that saw a motion. progress_us:
-     * time of the last command or of the last change of position. */
+    /* still_us is the time of the last command, or of the last poll that saw a motion if that was
+     * later. progress_us is the time of the last command, or of the last change of position if that
+     * was later. */
     gint64 still_us, progress_us;
-    gint64 heard_us, fed_us; /* heard_us: last answer; fed_us: last write of watchdog */
+    gint64 heard_us, fed_us; /* time of the last answer, and time of the last write of watchdog */
     gint64 polled_us;        /* time of the poll that is under way */
 };
 
@@ -356,10 +357,10 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
                 at, target, priv->stall_ms);
 }
 
-/* Ends a homing when the drive stands and has its reference: the homed bit, or position 0 for a
- * drive without that bit. An earlier homing may have left the reference, so the drive must first
- * move or lose it, or stand for start_ms. A drive that stands for start_ms without a reference has
- * a fault. */
+/* Ends a homing when the drive stands and has its reference. It has the reference if the homed bit
+ * is set, or at position 0 if the drive has no such bit. The reference may be left from an earlier
+ * homing, so the drive must first move or lose it, or stand for start_ms. A drive that stands for
+ * start_ms without a reference has a fault. */
 static void check_homing(Axis *axis, const struct modbus_job *job, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     gboolean homed = priv->homed_bit < 0 ? is_at(priv, 0) : has_bit(job, priv->homed_bit);

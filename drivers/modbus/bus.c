@@ -33,7 +33,7 @@ struct ModbusBus {
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */
     GCond work, finished;
-    GQueue queues[3], results; /* of struct task; a queue for each enum modbus_turn */
+    GQueue queues[3], results; /* of struct task; there is one queue for each enum modbus_turn */
     gint n_urgent;             /* atomic: the length of the queue of urgent tasks */
     gboolean quit;
     struct modbus_counts counts;

@@ -4,20 +4,22 @@
  * loop.
  *
  * "Off" and "stop" are urgent jobs. They go before all jobs that have not begun. A command that an
- * urgent job overtakes must not be carried out after it: the device that sends "off" or "stop"
- * drops its own "on" or "move" with modbus_bus_skip() first. A poll that has begun is interrupted
- * when one of its attempts fails while an urgent job waits, and begins again later. An urgent job
- * for a unit that has not answered its last job makes only one attempt, except in modbus_bus_do().
- * The class of the device asks again, and other units of the line must not wait for a unit that
- * does not answer.
+ * urgent job overtakes must not be carried out after it. The device that sends "off" or "stop"
+ * therefore drops its own "on" or "move" with modbus_bus_skip() first. A poll that has begun is
+ * interrupted when one of its attempts fails while an urgent job waits, and begins again later.
+ *
+ * An urgent job for a unit that has not answered its last job makes only one attempt, except in
+ * modbus_bus_do(). The class of the device asks again, and other units of the line must not wait
+ * for a unit that does not answer.
  *
  * RTU has no transaction id. After a time-out, a late reply looks like the reply to the next
  * request. After a time-out the line therefore discards everything until it has been silent for
  * late_ms. It then repeats the request, and accepts the answer only if no second answer follows
  * within another late_ms. A request may therefore be carried out twice, so only write values that
- * may be written twice (absolute targets, coils). An attempt that is followed by such a late answer
- * does not count as one of the request's "retries", because the device is alive. These attempts end
- * at the deadline of the job.
+ * may be written twice (absolute targets, coils).
+ *
+ * An attempt that is followed by such a late answer does not count as one of the request's
+ * "retries", because the device is alive. These attempts end at the deadline of the job.
  *
  * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
  * unit and the address.
@@ -43,9 +45,10 @@ struct modbus_job {
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
 
 /* For a device's open(): opens the line, or returns the open line if its settings are the same. May
- * wait timeout_ms for a connection. Errors name file and line. The error is DEVICE_ERROR if the
- * line cannot be opened, or if another process has locked the line or the unit. It is CONFIG_ERROR
- * if the settings differ from those of the open line, or if the rig's clock is virtual. */
+ * wait timeout_ms for a connection. Returns NULL with an error that names file and line:
+ * - DEVICE_ERROR: the line cannot be opened, or another process has locked the line or the unit.
+ * - CONFIG_ERROR: the settings differ from those of the open line, or the rig's clock is virtual.
+ */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
