@@ -21,8 +21,7 @@ struct sequencer_hooks {
     gboolean (*may_trigger)(gpointer data);
     /* Called with an accepted frame. taken is valid during the call. The frames that one camera
      * takes in a shot come in order of taken->sub. In a pass, the frames of one camera come in the
-     * order of the shots. A frame that is taken again in another turn of the turntable comes later.
-     */
+     * order of the shots. A frame that is taken again in another turn comes later. */
     void (*frame)(const struct taken_frame *taken, gpointer data);
     /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
      * the repetition if the picture was saturated, otherwise 0. */
@@ -30,9 +29,9 @@ struct sequencer_hooks {
     /* Called when all shots are taken, or after sequencer_pause() when the shot under way is taken.
      * The rig is safe. */
     void (*finished)(gpointer data);
-    /* Called when a fault has stopped everything. The rig is safe, or reason contains
-     * DEVICES_UNSAFE. `rig` is TRUE if another session would fail as well, and FALSE if a camera
-     * that is present gave no good picture. */
+    /* Called when a fault has stopped everything. source is the name of the device, or "rig". The
+     * rig is safe, or reason contains DEVICES_UNSAFE. `rig` is TRUE if another session would fail
+     * as well, and FALSE if a camera that is present gave no good picture. */
     void (*fault)(const char *source, const char *reason, gboolean rig, gpointer data);
     /* Called while no shots are being taken, if a lamp or laser that was commanded off has not
      * confirmed that it is off. */

@@ -93,8 +93,8 @@ gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *sh
  * left or because the hook `retake` has stopped the sequencer. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
-/* Counts a failed trigger of a camera, and returns, like sequencer_count_refusal(). The camera is
- * triggered again after a pause. */
+/* Counts a failed trigger of a camera like a refused picture. The camera is triggered again after a
+ * pause. Returns what sequencer_count_refusal() returns. */
 gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camera *state,
                               const GError *error);
 /* Returns whether a picture must be repeated with a shorter exposure because it is saturated, and

@@ -234,8 +234,7 @@ const Interlock *stage_open_interlock(const Stage *stage) {
     return NULL;
 }
 
-/* Commands the lights off again that did not confirm that they are off when the rig was made
- * safe. */
+/* Commands "off" again for the lights that have not confirmed it since the rig was made safe. */
 static void darken(Stage *stage) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps && stage->active; i++) {

@@ -1,7 +1,7 @@
 /* A small picture of a camera's frame, for people. Each of its pixels is the mean of a square of
  * pixels of the frame, which has whole tiles of the colour filter. The picture is at most
- * THUMBNAIL_SIDE pixels wide and high, in sRGB, with the 99th percentile as white. Pure functions;
- * any thread. */
+ * THUMBNAIL_SIDE pixels wide and high, in sRGB, with the 99th percentile as white. The functions
+ * are pure, and any thread may call them. */
 #pragma once
 
 #include "drivers/frame.h"

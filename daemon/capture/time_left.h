@@ -13,8 +13,7 @@ struct shots_left {
 };
 
 struct time_left {
-    /* predicted time of the whole session according to the plan, and the plan's lower bound of it
-     */
+    /* predicted time of the whole session according to the plan, and the plan's lower bound */
     double predicted_s, lower_bound_s;
     /* Array of n_shots + 1 elements. Element i is the work that is left before shot i of this run.
      * Element n_shots is the work that is left after the last shot. NULL before the run. */

@@ -117,9 +117,9 @@ static void measure(struct group *group, const struct session_conf *conf, const 
     group->exposure_s = exposure_s_of(conf);
     group->frame_s = slowest_s(timing->trigger_us, cameras) + group->exposure_s;
     group->readout_s = slowest_s(timing->readout_us, cameras);
-    /* The lead gives time for at least two reports of the position at the final speed before the
-     * first trigger. The rest behind the last shot gives time for at least one report after the
-     * last exposure. */
+    /* The angle before the first shot gives time for at least two reports of the position at the
+     * final speed. The angle behind the last shot gives time for at least one report after the last
+     * exposure. */
     group->lead_deg =
         ramp + v * (1e-3 * (table->settle_ms + 3 * table->report_ms) + HOST_S + group->frame_s);
     group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);
@@ -349,8 +349,8 @@ GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, co
         }
         g_array_index(shots, struct session_shot, n++) = shot;
     }
-    /* not by g_array_set_size(), which could free the strings of shots that followers now
-     * contains */
+    /* The length is not set by g_array_set_size(), because that could free the strings of shots
+     * that followers now contains. */
     shots->len = n;
     return followers;
 }

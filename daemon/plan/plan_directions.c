@@ -127,12 +127,14 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
     return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
 }
 
-/* Returns the index of the device for a direction, and the angle that shows the direction. Only
- * devices are considered that are at the polar angle of the direction and not fixed; returns −1 if
- * there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
- * preferred whose angle is already in angles, so that no pose is added. If the rig has no
- * turntable, a camera that stands near the direction gets the angle 0. The angle of any other
- * camera is then not 0, and the caller refuses it. */
+/* Returns the index of the device for a direction, and in *ret_udeg the angle that shows the
+ * direction. Only devices at the polar angle of the direction that are not fixed are considered.
+ * Returns −1 if there is none.
+ *
+ * Devices whose angle the axis can reach are preferred. Among these, devices are preferred whose
+ * angle is already in angles, so that no pose is added. If the rig has no turntable, a camera that
+ * stands near the direction gets the angle 0. The angle of any other camera is then not 0, and the
+ * caller refuses it. */
 static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,
                   const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;
@@ -178,8 +180,9 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
     return nearest;
 }
 
-/* Returns a fixed lamp or laser that gives the light of a direction at any angle of the turntable
- * that a view needs: the one of the first such angle. Returns −1 if there is none. */
+/* Returns a fixed lamp or laser that gives the light of a direction at some angle of the turntable
+ * that a view needs. If several do, returns the one of the first such angle. Returns −1 if there is
+ * none. */
 static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kind, double theta_deg,
                           double phi_deg) {
     for (guint t = 0; t < b->turns->len; t++) {

@@ -273,9 +273,9 @@ static int plan_lamps_best(const struct spread *s, const gboolean *taken, const 
     }
 }
 
-/* Sets ret_first of up to wanted shots, each time of the shot with the largest ratio of gain to
- * price. When a shot has been taken, the price of any other shot is at most the time that it needs
- * directly after that shot. */
+/* Sets ret_first of up to `wanted` shots, one after the other. The next shot is always the one with
+ * the largest ratio of gain to price. When a shot has been taken, the price of any other shot is at
+ * most the time that it needs directly after that shot. */
 static void choose(struct spread *s, const struct session_conf *conf,
                    const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);

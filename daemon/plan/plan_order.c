@@ -393,9 +393,9 @@ static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
         *best = order;
 }
 
-/* Returns the quickest of several orders. In two of these orders, all lamps are in the first block,
- * and each block has its best or its nested order. In the two others, lamps are distributed over
- * the blocks. */
+/* Returns the quickest of up to four orders. If there are several blocks, the first two orders have
+ * all lamps in the first block. In one of them each block has its best order, and in the other its
+ * nested order. The last two orders distribute the lamps over the blocks in two ways. */
 static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     GArray *shots = o->shots;
     Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
@@ -425,9 +425,9 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     return best;
 }
 
-/* Puts shots into the order wanted, and replaces the indices of their poses by numbers of visits.
- * passed is NULL or contains the shots that passes_take_followers() has removed, which are put
- * back. Returns the number of visits. */
+/* Puts shots into the order `wanted`, and replaces the indices of their poses by numbers of visits.
+ * passed is NULL or contains the shots that passes_take_followers() has removed. These shots are
+ * put back. Returns the number of visits. */
 static int order_with(GArray *shots, GArray *passed, const struct plan_pose *poses, int n_poses,
                       const struct rig *rig, const struct rig_timing *timing,
                       enum session_order wanted) {

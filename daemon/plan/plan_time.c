@@ -228,7 +228,7 @@ struct pose_bound {
 };
 
 /* Returns the time in seconds of the quickest move into a pose from another pose p for which
- * counts[p] is not 0. Returns none if there is no such pose. */
+ * counts[p] is not 0. Returns `none` if there is no such pose. */
 static double quickest_into(const struct plan_moves *moves, int pose, const int *counts,
                             double none) {
     double quickest = G_MAXDOUBLE;

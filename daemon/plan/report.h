@@ -1,4 +1,4 @@
-/* Reports of a plan, as text and as data. Pure functions. */
+/* Reports of a plan, as text and as data. All functions are pure. */
 #pragma once
 
 #include "plan.h"

@@ -537,8 +537,8 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
                      "one of them");
 }
 
-/* Reads a section into f by its option table, and calls take() if it has no mistakes. also lists
- * further keys that are valid, or is NULL. If all_sections is TRUE, a missing section is a
+/* Reads a section into f by its option table. If the section has no mistakes, calls take(). `also`
+ * lists further keys that are valid, or is NULL. If all_sections is TRUE, a missing section is a
  * mistake. */
 static void read_section(const Config *config, const char *class_name, const struct option *options,
                          const char *const *also, struct fields *f,

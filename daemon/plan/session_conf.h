@@ -1,6 +1,7 @@
 /*
  * The session file, which says what is to be captured. It is parsed strictly. An error lists all of
- * its mistakes. session.conf(5) describes every key. Plain data; any thread.
+ * its mistakes. session.conf(5) describes every key. The struct is plain data, and any thread may
+ * call the functions.
  */
 #pragma once
 
@@ -108,8 +109,8 @@ gboolean session_conf_load(struct session_conf *conf, const char *path, GError *
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
 /* Replaces "auto" by values in conf and in its text. `chosen` has lines "KEY = VALUE". Lines of
- * keys that are not auto are ignored. Returns FALSE with an error if a value is wrong (conf is
- * then unchanged) or if a key is still auto afterwards. */
+ * keys that are not auto are ignored. Returns FALSE with an error if a value is wrong, and then
+ * does not change conf. Also returns FALSE with an error if a key is still auto afterwards. */
 gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error);
 /* Returns FALSE with an error if a key is still auto. */
 gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error);

@@ -1,5 +1,5 @@
 /* The frames that a shot takes, and their exposures, as the plan predicts them and the intake
- * expects them. Pure functions. */
+ * expects them. All functions are pure. */
 #pragma once
 
 #include "session_conf.h"

@@ -1,31 +1,30 @@
 /*
- * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the
- * surface is known ([lasers] stop = covered). Shots of lamps are taken until the remaining
- * pictures can be predicted ([lights] sampling = adaptive). Either or both may be on. The
- * choice of sweeps depends on the frames of sweeps only, and the choice of shots of lamps on the
- * frames of lamps only.
+ * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the surface
+ * is known ([lasers] stop = covered). Shots of lamps are taken until the remaining pictures can be
+ * predicted ([lights] sampling = adaptive). Either or both may be on. The choice of sweeps depends
+ * on the frames of sweeps only, and the choice of shots of lamps on the frames of lamps only.
  *
  * plan_first_sweeps() and plan_first_lamps() choose the first round from the geometry when the
  * session is planned. Every frame is examined when it is committed (selection/coverage_view.h,
  * lamps.h). At the end of a round:
  *
- * - Sweeps: at each turntable angle, up to two sweeps join the next round. These are the sweeps
- *   in which the cameras are expected to measure most texels that they have not measured yet, if
- *   each adds at least [lasers] gain_pct. When no sweep adds so much, the remaining sweeps are left
+ * - Sweeps: at each turntable angle, up to two sweeps join the next round. These are the sweeps in
+ *   which the cameras are expected to measure most texels that they have not measured yet. Each of
+ *   them must add at least [lasers] gain_pct. When no sweep adds so much, the remaining sweeps are
+ *   left out for good.
+ * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots that
+ *   lower the expected error most for their time join the next round. When the error is expected to
+ *   be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots are left
  *   out for good.
- * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots
- *   that lower the expected error most for their time join the next round. When the error is
- *   expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots
- *   are left out for good.
  *
  * A choice is a function of the session's plan and its files only. It is stored before it takes
  * effect (rounds.h), as the values "lasers.round.K" and "lights.round.K". A session that is killed
  * and resumed therefore makes the same choices. Shots that are left out are skipped, and their
  * notes say why.
  *
- * All functions belong to the main loop's thread. Other threads read files and make choices. The
- * clock is held while a choice is made. In lockstep (drivers/clock.h) the main loop waits for each
- * file.
+ * All functions belong to the main loop's thread. Other threads read files and make choices.
+ * Virtual time stands still while a choice is made (clock_hold()). In lockstep (drivers/clock.h)
+ * the main loop waits until each file is read.
  */
 #pragma once
 

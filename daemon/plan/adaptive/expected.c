@@ -106,9 +106,9 @@ static void clear_joined(struct joined *joined) {
     g_free(joined->of);
 }
 
-/* Sets the values of each planned pair: the earlier session's measured values where there are
- * some, otherwise a prediction from its measured values. Fails if the earlier session has no
- * picture under a lamp. */
+/* Sets the values of each planned pair. If the earlier session has measured the pair, these are the
+ * measured values. Otherwise they are predicted from the other values that it has measured. Fails
+ * if the earlier session has no picture under a lamp. */
 static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *views,
                      const struct joined *lights, const struct work *work, GError **error) {
     const int n_views = (int)views->directions->len, n_lights = (int)lights->directions->len;
@@ -185,9 +185,9 @@ static double time_s(const Lamps *lamps, const int *numbers, int n) {
     return plan_lamps_s(list, n, setup->conf, setup->nominal, setup->timing);
 }
 
-/* Chooses rounds as a capture does, from the values of fill() instead of frames, until the next
- * round would exceed the number most of shots. Appends a point of the curve to ret for each
- * round. */
+/* Chooses rounds as a capture does, but from the values of fill() instead of frames. Ends when the
+ * next round would bring the number of shots above `most`. Appends a point of the curve to ret for
+ * each round. */
 static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct lamps_setup *setup = &lamps->setup;
     const guint n_shots = setup->shots->len;
@@ -219,8 +219,8 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
     return TRUE;
 }
 
-/* Chooses shots, at most the number most, by a predictor without measurements, and appends
- * points of the curve to ret. */
+/* Chooses at most `most` shots by a predictor without measurements, and appends points of the curve
+ * to ret. */
 static gboolean order_unmeasured(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
     g_autoptr(Prediction) prediction =

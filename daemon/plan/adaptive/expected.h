@@ -1,7 +1,7 @@
 /*
  * Predicts the result of a session before it begins: the error of its BTF as a function of the time
  * of its lamps. The shots are assumed to be taken in rounds ([lights] sampling = adaptive), even if
- * the session does not say so. Any thread; this may take minutes.
+ * the session does not say so. Any thread may call the function. It may take minutes.
  */
 #pragma once
 

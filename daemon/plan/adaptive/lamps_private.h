@@ -31,8 +31,7 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views, const
  * taken are NAN. *ret_taken is the number of pictures that are taken.
  *
  * The predictor can use at most PREDICTION_MAX_MEASURED pictures. If more are taken, only an evenly
- * spread part of them is given. In the expected error, the other pictures then count as predicted.
- */
+ * spread part of them is given. The others then count as predicted in the expected error. */
 float *lamps_table(const Lamps *lamps, int *ret_taken);
 
 /* Maximum number of shots of a chain: CHAIN if the chain is in a pass of the turntable,
@@ -59,8 +58,9 @@ struct lamps_candidates lamps_list_candidates(Lamps *lamps);
 void lamps_clear_candidates(struct lamps_candidates *candidates);
 
 /* Lists the shots of the chosen candidates, each once, until there are `most` of them, or the
- * expected error is at most `enough`. ret_shots gets indices in setup.shots. ret_errors[i] is the
- * expected error after the candidate of shot i. Errors are as of prediction_error(), not in
- * percent. ret_shots and ret_errors have room for `most`. Returns the number of shots. */
+ * expected error is at most `enough`. Returns the number of shots. ret_shots gets their indices in
+ * setup.shots. ret_errors[i] is the expected error after the candidate of shot i. Errors are as
+ * prediction_error() returns them, not in percent. ret_shots and ret_errors have room for `most`.
+ */
 int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
                       int n_choices, int most, double enough, int *ret_shots, double *ret_errors);

@@ -14,8 +14,8 @@ Readers *readers_new(Clock *clock);
 void readers_free(Readers *readers);
 
 /* Calls read(job) in a thread, and drop(job) when the job has succeeded or was dropped. A job that
- * fails must change nothing; it is kept for readers_retry(). frame is the name of the file that the
- * job reads, and is copied. Main loop's thread. */
+ * fails must change nothing, because it is kept for readers_retry(). frame is the name of the file
+ * that the job reads, and is copied. To be called in the main loop's thread. */
 typedef gboolean (*ReadersRead)(gpointer job, GError **error);
 void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpointer job,
                   const char *frame);
@@ -23,10 +23,11 @@ void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpoin
 /* Waits until all jobs are done. Returns FALSE with the first error if jobs have failed. */
 gboolean readers_wait(Readers *readers, GError **error);
 
-/* Waits until no job is running, and starts the failed jobs again. Main loop's thread. */
-void readers_retry(Readers *readers);
-/* Calls the function `each` once for every job that has failed. No job may be running. Main loop's
+/* Waits until no job is running, and starts the failed jobs again. To be called in the main loop's
  * thread. */
+void readers_retry(Readers *readers);
+/* Calls the function `each` once for every job that has failed. No job may be running. To be called
+ * in the main loop's thread. */
 void readers_each_failed(Readers *readers,
                          void (*each)(const char *frame, const GError *error, gpointer data),
                          gpointer data);

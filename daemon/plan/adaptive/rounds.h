@@ -1,8 +1,8 @@
 /*
- * The rounds in which shots of one kind are taken. A round is stored in the session before it
- * takes effect. The session's values KEY1, KEY2, … (“lasers.round.1” for the key “lasers.round.”)
- * contain the ids of the shots that join in a round, separated by spaces. After a round without
- * shots there is no further round. Main loop's thread.
+ * The rounds in which shots of one kind are taken. A round is stored in the session before it takes
+ * effect. The session's values KEY1, KEY2, … (“lasers.round.1” for the key “lasers.round.”) contain
+ * the ids of the shots that join in a round, separated by spaces. After a round without shots there
+ * is no further round. All functions belong to the main loop's thread.
  */
 #pragma once
 
