@@ -28,8 +28,7 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
  * with a copy of the struct that AXIS_MOTION_OPTIONS has filled in the driver's private data. */
 struct axis_motion {
     double min_deg, max_deg; /* limits of the position, inclusive */
-    /* whether the axis turns without end; it then takes targets modulo 360 and goes the shorter way
-     */
+    /* whether the axis turns without end; then it takes the shorter way to a target modulo 360 */
     gboolean wraps;
     double speed_deg_s;  /* top speed, above 0 */
     double accel_deg_s2; /* above 0; also the deceleration */
@@ -181,7 +180,8 @@ double axis_position_deg(Axis *axis);
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
 /* For drivers whose controller moves one axis after another: says that the motion that was started
- * last has not begun yet. Its deadline, and the ramp of a turn, count from the last such report. */
+ * last has not begun yet. The deadline of that motion, and the ramp of a turn, count from the last
+ * such report. */
 void axis_report_waiting(Axis *axis);
 
 /* For drivers, during a turn: reports the position of the axis at a time of the Clock. Reports out

@@ -58,9 +58,9 @@ static socklen_t set_address(const char *key, struct sockaddr_un *ret) {
     return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n);
 }
 
-/* Accepts and closes the connections of processes that have asked for the holder. A timer calls
- * it. A source that waits for connections would make the main loop spin while this process has no
- * descriptor left to accept them. */
+/* Accepts and closes the connections of processes that have asked for the holder of the lock. A
+ * timer calls this function, because a source that waits for connections would make the main loop
+ * spin while this process has no descriptor left to accept them. */
 static gboolean on_drain(gpointer data) {
     const int fd = GPOINTER_TO_INT(data);
     g_mutex_lock(&drain_mutex);

@@ -109,8 +109,8 @@ static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
  * afterwards. Returns NULL with an error that names the file and the line. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
-/* Fails if the rig file has changed since the devices were opened, or a file with positions that
- * the rig file names. A rig file that does not exist any more counts as unchanged. */
+/* Fails if the rig file, or a file with positions that it names, has changed since the devices were
+ * opened. A rig file that does not exist any more counts as unchanged. */
 gboolean devices_check_file(const struct devices *devices, GError **error);
 
 /* Reads only the geometry from the rig file, and opens no device. Whether the options of one driver

@@ -20,8 +20,7 @@
 #define LOOK_US        (2 * BEAT_MS * 1000) /* maximum silence that one check adds */
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
-/* If a guardian has run for longer than this, the pause before its restart is MIN_RESTART_MS again.
- */
+/* A guardian that has run for longer than this is restarted after MIN_RESTART_MS. */
 #define LASTED_US (10 * G_USEC_PER_SEC)
 #define AWAIT_US  (5 * G_USEC_PER_SEC)
 
@@ -35,8 +34,9 @@ struct Guardian {
     gint64 started_us;
     gint64 answered_us; /* time of the guardian's last answer; 0 if there was none */
     gint64 asked_us;    /* time when guardian_answers() last waited */
-    /* looked_us is the time of the last check. silent_us is the time without an answer. Each check
-     * adds at most LOOK_US to it. It is −START_MS when the guardian has been started. */
+    /* looked_us is the time of the last check. silent_us is the time without an answer, to which
+     * each check adds at most LOOK_US. silent_us is minus START_MS when the guardian has been
+     * started. */
     gint64 looked_us, silent_us;
     char *refusal; /* reason that the guardian sent instead of its first answer */
 };

@@ -45,9 +45,9 @@ gboolean guardian_answers(Guardian *guardian, GError **error);
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 enum guardian_end {
-    GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
-    GUARDIAN_UNSAFE, /* a device has not confirmed that it is safe: the guardian makes the rig safe
-                      */
+    GUARDIAN_SAFE, /* every device has confirmed that it is safe, so the guardian ends */
+    /* A device has not confirmed that it is safe, so the guardian makes the rig safe. */
+    GUARDIAN_UNSAFE,
     /* The rig could not be opened. The guardian makes it safe as with GUARDIAN_UNSAFE, but prints
      * nothing about a device that is made safe at the first attempt. */
     GUARDIAN_FAILED,

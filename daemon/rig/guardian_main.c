@@ -33,7 +33,7 @@ struct guarding {
     /* silent_us is the time since the daemon's last heartbeat. looked_us is the time of the last
      * look at the clock. Each look adds at most LOOK_US to silent_us. */
     gint64 silent_us, looked_us;
-    gboolean pause; /* whether missing heartbeats do not mean a hang */
+    gboolean pause; /* the daemon has said that heartbeats may be missing (PAUSE) */
 };
 
 /* Adds the time since the last look to silent_us, but at most LOOK_US. If more time has passed,

@@ -315,8 +315,8 @@ static gboolean is_left(pid_t other) {
     return lock_get_role() == LOCK_GUARDIAN && lock_is_daemon(other);
 }
 
-/* Adds a note about another process that has a device open which was made safe nevertheless. other
- * is 0 if there is none. */
+/* Adds a note about another process that has the device open, although this process has made the
+ * device safe. other is 0 if there is no such process. */
 static void note_other(pid_t other, gboolean axis, GString *notes) {
     if (other == 0)
         return;

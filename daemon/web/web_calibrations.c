@@ -283,8 +283,7 @@ static GPtrArray *arguments_of(const struct web_task *task, const struct step *s
     return g_steal_pointer(&to);
 }
 
-/* Returns whether the calibration of a task can still be changed. If it cannot, answers the task.
- */
+/* Returns whether the calibration of a task can still be changed. If not, answers the task. */
 static gboolean check_open(const struct web_task *task) {
     struct stat info;
     if (!web_files_check(task, task->name))

@@ -443,8 +443,9 @@ static gboolean add_listener(WebDoor *door, const char *ip, guint port, GError *
     return socket != NULL;
 }
 
-/* Listens on the loopback addresses of IPv4 and IPv6 with the same port, or only on that of IPv4 if
- * the other cannot be used for a reason other than a used port. */
+/* Listens on the loopback addresses of IPv4 and IPv6 with the same port. If the port is in use on
+ * the IPv6 address, tries another port or, if the port is given, fails. If the IPv6 address cannot
+ * be used for another reason, listens only on that of IPv4. */
 static gboolean add_loopback(WebDoor *door, guint port, GError **error) {
     for (int i = 0;; i++) {
         g_autoptr(GError) why = NULL;

@@ -167,8 +167,9 @@ char *web_files_directory(const struct web_task *task, const char *name) {
     return NULL;
 }
 
-/* Adds an option of the D-Bus methods with the text of a file, and the option of its path unless
- * path_key is NULL. Otherwise answers the task and returns FALSE. */
+/* Adds the text of a file as the option text_key of a D-Bus method. If path_key is not NULL, also
+ * adds the path of the file as this option. If the file cannot be read, answers the task and
+ * returns FALSE. */
 static gboolean add_file(const struct web_task *task, const char *path, gsize most,
                          const char *path_key, const char *text_key, GVariantDict *to) {
     struct stat info;

@@ -40,10 +40,9 @@ char *web_rig_progress(const WebRig *rig);
 #define WEB_RIG_EVENTS 200
 
 /* Calls a method of the daemon without arguments: "Pause", "Continue", "Finish", "Abort",
- * "SafeState" or "Release". back is always called once. If no answer has come before
- * web_rig_free(), that function calls back with an error. answer is the tuple that the method
- * returns. If the call failed, answer is NULL and error is set. back owns neither answer nor error.
- */
+ * "SafeState" or "Release". back is always called once. If no answer has come before,
+ * web_rig_free() calls it with an error. answer is the tuple that the method returns. If the call
+ * failed, answer is NULL and error is set. back owns neither answer nor error. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
 /* The same as web_rig_call() for a method with arguments. parameters is a tuple and may be

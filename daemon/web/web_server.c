@@ -167,7 +167,7 @@ static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *messa
 }
 
 /* Returns whether a request comes from a page of this server, or from no page. acts is TRUE for a
- * request that is not only a read, for which the header Sec-Fetch-Site is also checked. */
+ * request that does more than read. The header Sec-Fetch-Site is then checked, too. */
 static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origins, gboolean acts) {
     int n;
     const char *header = only_header(message, "Origin", &n);

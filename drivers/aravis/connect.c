@@ -158,8 +158,8 @@ static char *connect_look_up(const char *id, gboolean *ret_gige, GError **error)
     return found;
 }
 
-/* Returns the serial number of the USB camera with this Aravis id. Returns NULL if Aravis's
- * list, which look_up_usb() has updated, lacks the camera. */
+/* Returns the serial number of the USB camera with this Aravis id. Returns NULL if the camera is
+ * not in Aravis's list, which look_up_usb() has updated. */
 static char *serial_of(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *serial = NULL;

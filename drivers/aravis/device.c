@@ -76,8 +76,8 @@ static gboolean device_asked_for(const AravisDevice *device, const char *feature
 
 /* Switches off the functions of the camera that alter frames, because a measurement needs raw
  * values. Then sets the features that the rig file names. Fails if a function that is still on
- * makes values unsteady. Adds a warning for any other function that is still on. Functions that the
- * rig file sets on purpose are exempt from both. */
+ * makes values unsteady. Adds a warning for any other function that is still on. A function that
+ * the rig file sets on purpose causes neither an error nor a warning. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);

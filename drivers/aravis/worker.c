@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-/* Time to wait for control of the camera. A camera releases the control of a killed program after 3
- * s. */
+/* Time to wait for control of the camera. It exceeds the 3 s after which a camera releases the
+ * control of a killed program. */
 #define OPEN_CONTROL_S 4.5
 /* limit for the opening of all cameras together: half the watchdog time of the service */
 #define OPEN_LIMIT_S   15

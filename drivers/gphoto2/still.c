@@ -658,7 +658,7 @@ static gboolean set_all(Still *still, gint64 us, GError **error) {
 }
 
 /* Sets the error of a trigger or picture that has failed: that the card is full, that the battery
- * is empty, or otherwise the text what. Always returns FALSE. */
+ * is empty, or otherwise the text `what`. Always returns FALSE. */
 static gboolean fail_shot(Still *still, const char *what, GError **error) {
     still->battery_us = 0;
     if (still->camera && (!check_card(still, error) || !check_battery(still, error)))

@@ -59,9 +59,9 @@ const char *still_serial(const Still *still);
  * them. */
 const GArray *still_exposures(const Still *still);
 
-/* Takes a picture, with the offered exposure time that is nearest to exposure_us, and copies its
+/* Takes a picture with the offered exposure time that is nearest to exposure_us, and copies its
  * file from the camera. Returns the path of the copy, to be freed with g_free(), or NULL with an
- * error: G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
+ * error. The error is G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
 char *still_shoot(Still *still, const struct still_shot *shot, GError **error);
 
 /* Takes the events that wait. Call it now and then while no picture is taken, because it keeps the

@@ -47,8 +47,7 @@ typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gp
 /* For a device's open(): opens the line, or returns the open line if its settings are the same. May
  * wait timeout_ms for a connection. Returns NULL with an error that names file and line:
  * - DEVICE_ERROR: the line cannot be opened, or another process has locked the line or the unit.
- * - CONFIG_ERROR: the settings differ from those of the open line, or the rig's clock is virtual.
- */
+ * - CONFIG_ERROR: the settings differ from those of the open line, or the clock is virtual. */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
