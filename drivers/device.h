@@ -71,8 +71,8 @@ struct driver_info {
 
 /* The state of a device after the command to switch off or to stop, as far as it is known. */
 enum device_safety {
-    /* The device has confirmed the last command. Drivers read the state back, unless their
-     * driver_info.confirmed says something else. */
+    /* The device has confirmed the last command. If driver_info.confirmed is NULL, the driver has
+     * read the state back. */
     DEVICE_SAFE,
     /* The device refused the command, did not answer in time, or reports another state. The class
      * sends the command again until the device has confirmed it. */

@@ -232,7 +232,8 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
 }
 
 /* Sends "off" again to lights that should be off, one command at a time. If the device has many
- * lights and none is wanted, the command is for all of them, otherwise for one light. */
+ * lights and none of them should be on, the command is for all lights. Otherwise it is for one
+ * light. */
 static void lights_retry(gpointer data) {
     struct lights *lights = data;
     int first = -1, n_wanted = 0;

@@ -23,8 +23,8 @@
 #define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
 
 /* Files of more than SMALL_PIXELS pixels, except the kept frames of a sweep, are compressed with
- * PIZ (intake_write.c). Each block of 32 rows has a separate table of codes. Without its head, a
- * part has
+ * PIZ (intake_write.c). Each block of 32 rows has a separate table of codes. Without its head and
+ * the overhead of its blocks (LINE_BYTES), a part has
  *     pixels · (surroundings + (lit − surroundings) · share − saved) + blocks · table
  * bytes. The symbols are:
  * - surroundings, lit, table, bit: the members of struct packing.
@@ -84,8 +84,8 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
 }
 
 /* Returns the share of a camera's pixels that are lit. Under a lamp, these are the pixels that show
- * the sample with its margin. For a sweep, only pixels that the line passes are counted. They must
- * also show the sample with its margin, unless the session has a flat face around the sample. */
+ * the sample with its margin. For a sweep, only pixels that the line passes are counted. If the
+ * session has no flat face around the sample, they must also show the sample with its margin. */
 static double lit_share(const struct session_conf *conf, const struct rig *rig,
                         const struct session_shot *shot, const struct plan_footprint *footprint) {
     const double x_mm = conf->grid.width_mm / 2 + conf->sweep_margin_mm;

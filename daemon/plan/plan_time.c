@@ -6,9 +6,10 @@
  * all axes of the pose move, the lamp or laser is switched on and warms up, and the sweep axis
  * moves to its first step. Frames of the previous picture are read out at the same time. All of
  * this begins at the end of the last exposure of the previous picture. A lamp that is still on from
- * the previous shot stays on and is warm. Within a bracket the sequencer only waits for read-out,
- * within a sweep for read-out and the step. A sweep ends with one picture from its middle, after
- * the laser was switched off. */
+ * the previous shot stays on and is warm.
+ *
+ * Within a bracket the sequencer only waits for read-out, and within a sweep for read-out and the
+ * step. A sweep ends with one picture from its middle, after the laser was switched off. */
 
 /* Returns the longest time, in seconds, of the cameras of a shot. All of them are triggered
  * together, so the slowest one determines the time. */
@@ -209,12 +210,14 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
  *   M the time of the quickest move into p from any other pose of the plan,
  *   M' the time of the quickest move into p from any other pose with the same lamp,
  *   W the time in which the light of s becomes ready.
+ *
  * Then the time before s is at least
  *   l = max(W, R)                    if s is a sweep: its laser was off before;
  *   l = min(max(W, R), max(M', R))   if s has a lamp: the lamp warms up, or it was left on in
  *                                    another pose. A move must then leave that pose.
  *   l = R                            instead, if W > max(M, R) and another shot in p has the same
  *                                    lamp: that shot may have left the lamp on.
+ *
  * Every pose except the first is entered by a move, and the time before the shot that enters it is
  * at least max(M, R, l). Pose p therefore takes at least Σ l + min over its shots of max(0, max(M,
  * R) − l). For the first pose, the move and the largest l do not count, because no time may pass

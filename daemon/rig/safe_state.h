@@ -29,8 +29,8 @@ const Config *safe_state_config(const SafeState *state);
 gboolean safe_state_is_simulated(const SafeState *state);
 
 enum safe_try {
-    /* The device has confirmed the safe state: it is off, or it stands still. The state was read
-     * back, unless the driver's driver_info.confirmed says something else. */
+    /* The device has confirmed the safe state: it is off, or it stands still. If
+     * driver_info.confirmed of its driver is NULL, the state was read back. */
     SAFE_TRY_SAFE,
     SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */

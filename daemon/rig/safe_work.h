@@ -27,8 +27,8 @@ enum safe_until {
     SAFE_UNTIL_SAFE_QUIETLY,
 };
 
-/* Begins the work. SAFE_UNTIL_TIRED prints to standard output. The others print to standard error,
- * and also to the system's log unless standard error is the journal. They print when a device fails
+/* Begins the work. SAFE_UNTIL_TIRED prints to standard output. The other two print to standard
+ * error and, if that is not the journal, also to the system's log. They print when a device fails
  * for the first time, when it is safe, and every repeat_s while it is not safe. */
 SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double repeat_s);
 

@@ -64,9 +64,8 @@ void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
  * no peer has more streams, or if the peer of this connection already has WEB_DOOR_PEER_STREAMS. */
 gboolean web_visitor_stream(WebVisitor *visitor);
 
-/* Closes the connection. status is an HTTP status such as "408 Request Timeout", which is sent
- * before the connection is closed, unless an answer has begun. If status is NULL, nothing is
- * sent. */
+/* Closes the connection. status is an HTTP status such as "408 Request Timeout". It is sent before
+ * the connection is closed if no answer has begun. If status is NULL, nothing is sent. */
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
 /* Returns the number of seconds until the peer of this connection may send a token again, or 0 if

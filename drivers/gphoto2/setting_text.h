@@ -12,7 +12,7 @@ double setting_text_number(const char *text);
  * their numbers. Any other texts are compared as a whole, ignoring the case of the letters. */
 gboolean setting_text_equal(const char *a, const char *b);
 
-/* Returns the index of the text whose number is nearest to the number of `value`, by their ratio.
- * The array ends with NULL. Returns −1 if `value` does not state a number above 0, or if no text
- * does. */
+/* Returns the index of the text whose number differs from the number of `value` by the smallest
+ * factor. The array ends with NULL. Returns −1 if `value` does not state a number above 0, or if no
+ * text does. */
 int setting_text_nearest(const char *value, const char *const *texts);
