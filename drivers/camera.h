@@ -106,8 +106,8 @@ gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
 /* Starts one exposure. Only one trigger may wait at a time. shot is the number that the frame will
- * have. No two frames have the same number, except that a retake has the number of the frame that
- * it repeats. */
+ * have. A retake has the number of the frame that it repeats. All other frames have different
+ * numbers. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera); /* for tests: whether a trigger waits */

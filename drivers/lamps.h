@@ -26,11 +26,12 @@ struct lamps_driver {
      * device. */
     void (*close)(LampBank *bank);
     /* Starts to switch a lamp. Index -1 stands for all lamps; `on` is then FALSE. The driver later
-     * calls lamps_report() once, with an error unless the device has confirmed the new state. If
-     * set() returns FALSE, the driver reports nothing. "Off" need not wait for other commands that
-     * have not been sent. If "off" overtakes an "on" of the same lamp, that "on" must never be sent
-     * and ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that failed, because the
-     * class does. */
+     * calls lamps_report() once. The report has an error if the device has not confirmed the new
+     * state. If set() returns FALSE, the driver reports nothing.
+     *
+     * "Off" need not wait for other commands that have not been sent. If "off" overtakes an "on" of
+     * the same lamp, that "on" must never be sent and ends with DEVICE_ERROR_BUSY. A driver does
+     * not repeat an "off" that failed, because the class does. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 

@@ -34,7 +34,7 @@ struct lights {
     GQueue commands; /* of struct command, in order, until they are answered */
     guint retry;
     gint64 pause_us; /* pause before the next attempt */
-    int n, turn;     /* turn: number of the output that is tried next */
+    int n, turn;     /* number of outputs, and number of the output that is tried next */
     struct light_output *list;
 };
 

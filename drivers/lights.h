@@ -32,8 +32,8 @@ void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ig
  * are answered in order. */
 gboolean lights_set(struct lights *lights, int index, gboolean on, GError **error);
 
-/* Takes the report of a driver. A report that fits no command is ignored, unless it says that there
- * is light. */
+/* Takes the report of a driver. A report that fits no command is used only if it says that there is
+ * light. */
 void lights_report(struct lights *lights, int index, gboolean on, const GError *error);
 
 /* Says that the state of all lights is unknown because of the error. Switches them off. */

@@ -29,7 +29,7 @@ static void event_free(gpointer data) {
 }
 
 /* Returns whether the file or folder belongs to root or to the user of this program, and no other
- * user may write to it. Otherwise writes a warning to the log. */
+ * user may write to it. If not, writes a warning to the log. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;

@@ -95,7 +95,8 @@ struct group {
     int n;
     double *at_deg; /* angles of the table, increasing */
     double speed_deg_s, frame_s, exposure_s, readout_s;
-    double lead_deg, behind_deg; /* angles of a pass: before its first shot, and after its last */
+    /* angle of a pass before its first shot, and angle after its last shot */
+    double lead_deg, behind_deg;
     const struct axis_motion *table;
 };
 

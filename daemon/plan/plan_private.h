@@ -42,7 +42,7 @@ struct plan_build {
     GArray *light_at, *laser_at;
     GArray *poses;          /* of struct plan_pose */
     GHashTable *pose_index; /* maps a struct plan_pose to its index in poses + 1 */
-    GArray *shots;          /* of struct session_shot; pose: index into poses */
+    GArray *shots;          /* of struct session_shot, whose pose is an index into poses */
     /* for each shot, in the order before plan_order(): whether it belongs to the first round */
     gboolean *is_first;
     GArray *notes; /* of struct plan_note */

@@ -72,7 +72,7 @@ static void kill_frozen(pid_t pid) {
 
 enum former { FORMER_GONE, FORMER_WATCHES, FORMER_AT_WORK, FORMER_STRANGER };
 
-/* Asks the guardian at the other end of a connection to end, unless it watches a running daemon.
+/* If the guardian at the other end of a connection does not watch a running daemon, asks it to end.
  * Sets *ret_at_work to TRUE if that guardian was making the rig safe. */
 static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) {
     const pid_t pid = peer_of(fd);

@@ -3,9 +3,11 @@
  *
  * Each line of devices (safe_state_line()) has a child process, so that a driver that hangs or
  * crashes does not delay other lines. A process works for a limited time, and is then replaced by
- * another one. Except with SAFE_UNTIL_TIRED, pipes at standard output and standard error are closed
- * after 5 s, in this process and in its children, because the reader of a pipe may wait until all
- * writers have closed it.
+ * another one.
+ *
+ * If the work may last longer than 5 s (not SAFE_UNTIL_TIRED), pipes at standard output and
+ * standard error are closed after 5 s, in this process and in its children. The reader of a pipe
+ * may wait until all writers have closed it.
  *
  * A SafeWork belongs to one thread, and the process must have no other threads. The process may
  * have other children: a SafeWork calls waitpid(2) only for those that it started. */

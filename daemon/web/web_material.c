@@ -49,7 +49,7 @@ struct following {
 /* What the thread tells the main loop. Members that are NULL have not changed. */
 struct told {
     struct following *following;
-    char *session, *layout; /* layout: the constant members of web_material_text() */
+    char *session, *layout; /* layout has the constant members of web_material_text() */
     int n_pairs;
     GArray *fresh;       /* of int: pairs that were measured */
     GPtrArray *pictures; /* of GBytes: their pictures */

@@ -1,7 +1,7 @@
 /*
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
- * in docs/operate/web.md. Everyone who reaches the port may read and, unless safe_needs_token is
- * set, make the rig safe. All other requests need the token.
+ * in docs/operate/web.md. Everyone who reaches the port may read. If safe_needs_token is not set,
+ * everyone may also make the rig safe. All other requests need the token.
  *
  * Requests from pages of other sites are refused:
  * - The header Host must be a name of this server, against DNS rebinding.

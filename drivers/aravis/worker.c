@@ -31,8 +31,8 @@ struct event {
     AravisWorker *worker;
     enum event_kind kind;
     guint generation;
-    /* SENDING: time of the trigger. STALE: duration from the start of the exposure to the
-     * trigger. */
+    /* With SENDING, the time of the trigger. With STALE, the time from the start of the exposure to
+     * the trigger. */
     gint64 us;
     Frame *frame;
     GError *error;

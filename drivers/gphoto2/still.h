@@ -38,7 +38,7 @@ struct still_wait {
 struct still_shot {
     gint64 exposure_us;
     gint64 deadline_us; /* time at which the shot fails if there is no picture */
-    const char *folder; /* on this computer, for the file of the picture */
+    const char *folder; /* folder on this computer for the file of the picture */
     struct still_wait wait;
 };
 
