@@ -50,8 +50,8 @@ static gboolean has_reports(const struct layout_device *device) {
 }
 
 /* Sets report_ms and stamp_ms of an axis that reports its positions, so that passes can be planned.
- * The axis reports its position with each poll. The driver's open() would add the time that an
- * answer may take to these values, which is not known here. */
+ * The axis reports its position with each poll. The driver's open() would add to these values the
+ * time that an answer may take. This time is not known here. */
 static void read_turning(const struct layout_device *device, struct axis_motion *motion) {
     double poll_ms, stamp_ms = 0;
 

@@ -72,8 +72,10 @@ static void kill_frozen(pid_t pid) {
 
 enum former { FORMER_GONE, FORMER_WATCHES, FORMER_AT_WORK, FORMER_STRANGER };
 
-/* If the guardian at the other end of a connection does not watch a running daemon, asks it to end.
- * Sets *ret_at_work to TRUE if that guardian was making the rig safe. */
+/* If the guardian at the other end of a connection does not watch a running daemon, asks it to end,
+ * and sets *ret_at_work to TRUE because it was making the rig safe. Kills a guardian that does not
+ * answer or does not end. If the guardian watches a daemon, *ret_daemon is the process number of
+ * the daemon. */
 static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) {
     const pid_t pid = peer_of(fd);
     const char take = GIVE_PLACE;

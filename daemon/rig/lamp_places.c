@@ -358,7 +358,9 @@ static gboolean add_file(GArray *lamps, const struct bank_fields *fields,
     return TRUE;
 }
 
-/* Checks the keys that only some of the ways to describe the lamps have, or that must be given. */
+/* Checks that the keys fit `key`, which says where the lamps are (NULL if none does). Only one key
+ * may say this. Keys that belong to another way to place lamps must be missing, and distance_mm
+ * must be given if it is needed. */
 static gboolean check_keys(const struct bank_fields *fields, const struct config_section *section,
                            const char *key, Mistakes *mistakes) {
     static const char *const of_count[] = {"theta_from_deg", "theta_to_deg", NULL};
