@@ -6,7 +6,7 @@
 #include <sys/utsname.h>
 
 #define MAX_SIZE (32 << 20) /* of the messages */
-/* from this number of equal bytes 00 or ff on, they are written as one, with their number */
+/* from this number on, equal bytes 00 or ff are written as one byte with their number */
 #define MIN_RUN   8
 #define MIN_HIDE  4
 #define MIN_BYTES 3
@@ -107,7 +107,7 @@ static void add_hex(const guint8 *bytes, gsize n) {
     for (gsize i = 0; i < n; i += run) {
         for (run = 1; i + run < n && bytes[i + run] == bytes[i];)
             run++;
-        /* Other bytes may be part of a text that is hidden. */
+        /* A run of other bytes may be part of a text that is hidden, so it is written in full. */
         if (run < MIN_RUN || (bytes[i] != 0 && bytes[i] != 0xff))
             run = 1;
         g_string_append_printf(recording.lines, "%s%02x", i ? " " : "", bytes[i]);
@@ -183,7 +183,8 @@ void recording_bytes(struct recording_bus bus, enum recording_way way, const gui
     guint number;
     if (!recording_is_on() || !take())
         return;
-    /* Devices of other people in the network are not recorded. */
+    /* Packets from unknown addresses are not recorded, because they may come from devices of other
+     * people. */
     if (way == RECORDING_SENT || strcmp(bus.kind, "udp") != 0 || is_known(bus)) {
         find_bus(bus, &number);
         add_bus(number, way == RECORDING_SENT ? '>' : '<');
@@ -235,7 +236,7 @@ void recording_section(const struct config_section *section) {
     g_string_append_printf(to, "\n[%s]\n", section->group);
     for (const char *const *key = config_keys(section); *key; key++) {
         const char *value = config_value(section, *key, NULL);
-        /* recording_end() replaces the value, because the number of its bus is not known yet. */
+        /* The mark \001 is replaced in recording_end(), when the number of the bus is known. */
         if (recording_is_place(*key))
             g_string_append_printf(to, "%s = \001%s\n", *key, value);
         else
@@ -275,8 +276,7 @@ void recording_hide(const char *text, const char *instead) {
 void recording_hide_bytes(const guint8 *bytes, gsize n) {
     static const guint8 zeros[64] = {0};
     g_return_if_fail(n <= sizeof zeros);
-    /* Leave out zeros at both ends, because add_hex() may have joined them with other zeros. They
-     * need not be replaced by 0. */
+    /* Leave out zeros at both ends, because add_hex() may have joined them with other zeros. */
     for (; n > 0 && bytes[0] == 0; n--)
         bytes++;
     while (n > 0 && bytes[n - 1] == 0)
@@ -290,8 +290,8 @@ void recording_hide_bytes(const guint8 *bytes, gsize n) {
     leave();
 }
 
-/* Returns whether the name of a device has this text. The name is that of the rig file, which the
- * recording has everywhere. */
+/* Returns whether the name of a device contains this text. Names come from the rig file, and the
+ * recording shows them everywhere. */
 static gboolean is_in_name(const char *text) {
     g_auto(GStrv) lines = g_strsplit(recording.sections->str, "\n", -1);
     gboolean is = FALSE;
@@ -312,8 +312,8 @@ static void replace(GString *in, const struct hidden *hidden) {
     }
 }
 
-/* Replaces the values of keys that are places by the number of the bus, or leaves the values out.
- * These values are also hidden in the messages. */
+/* Replaces the value of each key that names a place by the number of the bus, or leaves the value
+ * out. Also hides these values in the messages. */
 static char *places_numbered(void) {
     g_auto(GStrv) lines = g_strsplit(recording.sections->str, "\n", -1);
     for (char **line = lines; *line; line++) {

@@ -15,12 +15,13 @@
 #include <unistd.h>
 
 #define FIRST_BACKOFF_US 50000
-#define MAX_BACKOFF_US                                                                             \
-    1000000 /* shorter than the limit of a job, so that each job makes an attempt */
-#define BUSY_PAUSE_US 20000
-/* Longest wait for a TCP connection with MODBUS_ONCE. The kernel repeats the first packet only
- * after a second, which is too late for an "off". One attempt in eight waits until the deadline,
- * for a host that is far away. */
+/* Longest pause between two attempts to connect. It is shorter than the time limit of a job, so
+ * that each job makes an attempt. */
+#define MAX_BACKOFF_US 1000000
+#define BUSY_PAUSE_US  20000
+/* Longest time that an attempt with MODBUS_ONCE waits for a TCP connection. If the first packet is
+ * lost, the kernel repeats it only after 1 s, which is too late for an "off". Every eighth attempt
+ * waits until the deadline, because the host may be far away. */
 #define QUICK_CONNECT_US 400000
 #define PATIENT_EVERY    8
 /* Silence after which a damaged answer is complete. It is longer than 3.5 characters at 300
@@ -30,10 +31,10 @@
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;
-    /* Lock of a serial line; kept while the line is lost. NULL for TCP, or if the line was never
-     * connected. */
+    /* Lock of a serial line. The line keeps the lock while it is disconnected. NULL for TCP, and
+     * for a line that was never connected. */
     Lock *lock;
-    /* A second descriptor of a serial line, which keeps other programs away. -1 if there is
+    /* A second descriptor of a serial line. Its lock keeps other programs away. -1 if there is
      * none. */
     int taken;
     gboolean connected;
@@ -169,8 +170,8 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
         return TRUE;
     }
     int why = errno;
-    /* If a host name is unknown, libmodbus leaves errno at 0 or at the value of its last
-     * attempt. */
+    /* libmodbus does not set errno for an unknown host name: `why` is then 0, or the errno of the
+     * attempt before. */
     back_off(line);
     if (why == EWOULDBLOCK && !is_tcp(line)) {
         g_autofree char *holder = modbus_serial_holder(line->link.bus);
@@ -359,8 +360,9 @@ static void put_values(GByteArray *to, const struct modbus_request *request, gbo
     g_byte_array_append(to, bytes, 1u + bytes[0]);
 }
 
-/* Records a request or its answer: unit, function and data, without check sum and transaction.
- * libmodbus does not give the bytes, but has checked that they say the same. */
+/* Records a request or its answer: unit, function and data, without check sum and transaction. The
+ * bytes are made from *request, because libmodbus does not give the bytes that were sent or
+ * received. It has checked that the answer agrees with the request. */
 static void record(const struct modbus_line *line, int unit, const struct modbus_request *request,
                    gboolean is_answer) {
     if (!recording_is_on())
@@ -420,8 +422,8 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
-        /* On a serial line, a complete answer that does not fit belongs to an earlier request.
-         * Over TCP it may belong to no request. */
+        /* On a serial line, a complete answer that does not fit this request belongs to an earlier
+         * one. Over TCP it may belong to no request. */
         *ret_late |= distrust && is_damage(why) && why != EMBBADCRC && !is_tcp(line);
         if (why == EMBBADCRC && !distrust) {
             /* No earlier answer is due, so the damaged answer belonged to this request. */

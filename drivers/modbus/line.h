@@ -14,10 +14,10 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
 void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
 /* Connects if the line is not connected. With MODBUS_ONCE, makes one attempt at once. Otherwise
- * repeats the attempt until deadline_us (time of g_get_monotonic_time()). After a failed attempt,
- * the function waits before the next one. The pauses grow from 50 ms to 1 s. If a pause would end
- * after deadline_us, the function returns at once. The error is DEVICE_ERROR_BUSY if
- * another program uses a serial line, otherwise DEVICE_ERROR_DISCONNECTED. */
+ * repeats the attempt until deadline_us (time of g_get_monotonic_time()). The pauses between the
+ * attempts grow from 50 ms to 1 s. A pause that would end after deadline_us does not begin, and the
+ * function fails at once. The error is DEVICE_ERROR_BUSY if another program uses a serial line,
+ * otherwise DEVICE_ERROR_DISCONNECTED. */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 
 /* Makes one request, with retries, resynchronisation and, if request->verify is TRUE, read-back.
@@ -33,8 +33,8 @@ enum modbus_effort {
     /* Makes one attempt without waiting for the back-off time, because the caller will ask again.
      * Only a unit that answers that it is busy is asked again. */
     MODBUS_ONCE,
-    /* Repeats like MODBUS_REPEAT, but not after an attempt that fails while *waiting is not 0,
-     * unless the unit has answered that it is busy. */
+    /* While *waiting is 0, repeats like MODBUS_REPEAT. While *waiting is not 0, only a unit that
+     * answers that it is busy is asked again. */
     MODBUS_YIELD,
 };
 /* Sets how requests are repeated. waiting is an atomic integer for MODBUS_YIELD, and NULL for the

@@ -6,7 +6,8 @@
 /* Shorter than the deadline of the class, so that the error of the line is reported. */
 #define DEADLINE_MS 1500
 
-/* A time that function 5 writes must not equal its value for "on", 0xff00. */
+/* Largest value of a timed pulse. Function 5 writes this value in the place of "on", which is
+ * 0xff00, so the value must not be 0xff00. */
 #define MAX_PULSE 0x7fff
 
 /* Some relays of a board: the relays of a lamp bank, or the relay of a laser. */
@@ -164,8 +165,8 @@ static void relays_feed(gpointer data) {
     start_feeding(relays, &job);
 }
 
-/* Switches relays. "Off" drops the jobs that it overtakes and that would undo it: an "on" of the
- * same relays, and the feeding of the section's relays. */
+/* Switches relays. "Off" also drops the waiting jobs that would undo it: an "on" of the same
+ * relays, and the feeding of the section's relays. */
 static void relays_switch(struct relays *relays, int index, gboolean on, ModbusFunc func) {
     gpointer data = (gpointer)relays->device;
     struct modbus_job job = {.tag = index < 0 ? relays->n : index};
@@ -243,14 +244,14 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
 }
 
 /* Checks the options of lamps and of a laser, which begin with struct relays. A wrong watchdog is
- * reported only when the relays are opened, because opening also switches off relays that an
- * earlier program has left on. */
+ * reported only when the relays are opened. If it were reported here, the relays would not be
+ * opened, and those that an earlier program has left on would stay on. */
 static void relays_check(gconstpointer given, const struct config_section *section,
                          Mistakes *mistakes) {
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
-/* n is 0 for a laser that was not opened yet, which has one coil. */
+/* A laser has one relay. Its n is 0 until the laser is opened. */
 static void relays_needs(gconstpointer given, GPtrArray *to) {
     const struct relays *relays = given;
     for (int i = 0; i < MAX(relays->n, 1); i++) {

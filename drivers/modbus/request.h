@@ -23,13 +23,14 @@ struct modbus_request {
     /* After a write, the values are read back and compared. For a read, the values that were read
      * are compared with the given values. */
     gboolean verify;
-    /* MODBUS_PULSE_COIL: the coil that is on during the pulse; needed with verify */
+    /* For MODBUS_PULSE_COIL with verify: the address of the coil that is on during the pulse. */
     int coil;
 };
 
-/* Numbers of faults on a line since it was opened. timeouts: requests without an answer in time.
- * damaged: damaged answers. disbelieved: answers that were not believed because another answer
- * followed. */
+/* Numbers of faults on a line since it was opened:
+ * - timeouts: requests without an answer in time
+ * - damaged: damaged answers
+ * - disbelieved: answers that were not used, because another answer followed */
 struct modbus_counts {
     int timeouts, damaged, disbelieved;
 };

@@ -37,7 +37,8 @@ struct artnet_lamps {
     gint64 polled_us;       /* time of the last request; UNHEARD if an answer has come since */
     gint64 lit_polled_us;   /* time of the last request, answered or not */
     struct output *outputs; /* of each universe */
-    gboolean answered;      /* the node has answered, whatever its universes are */
+    /* the node has answered, even if it does not have the wanted universes */
+    gboolean answered;
 };
 
 static const struct option options[] = {
@@ -76,7 +77,7 @@ static void on_reply(const struct artnet_reply *reply, gpointer data) {
             drop_poll(output);
         }
     }
-    lamps->polled_us = UNHEARD; /* an answer that was too old is followed by a request at once */
+    lamps->polled_us = UNHEARD; /* so that a command that still waits sends a request at once */
     if (dmx->timer)
         dmx_wake(dmx);
 }

@@ -18,14 +18,13 @@
 void artnet_poll(guint8 ret[ARTNET_POLL_SIZE]);
 
 /* Writes an ArtDmx: the levels of all channels of a universe. The sequence number is 0, so the node
- * does not check it. Other numbers would do harm: a program that continues the work of another one
- * begins to count again, and a node that checks the numbers would drop its packets as old, even an
- * "off". */
+ * does not check it. With other numbers, a node would drop the packets of a restarted program as
+ * old, even an "off", because a restarted program begins to count again. */
 void artnet_dmx(int universe, const guint8 levels[ARTNET_CHANNELS], guint8 ret[ARTNET_DMX_SIZE]);
 
 #define ARTNET_PORTS 4
 
-/* Places of the addresses of a node in its reply. */
+/* Offsets, in bytes, of the addresses of a node in its reply. */
 #define ARTNET_REPLY_IP  10
 #define ARTNET_REPLY_MAC 201
 

@@ -14,8 +14,8 @@ struct listener {
     gpointer data;
 };
 
-/* Nodes before Art-Net 4 broadcast their answers, and olad does. A socket with a local address does
- * not get broadcasts, so two more sockets have the addresses of the broadcasts. */
+/* Nodes before Art-Net 4 and the daemon olad broadcast their answers. A socket with a local address
+ * does not get broadcasts, so two more sockets have the broadcast addresses. */
 enum { OWN, BROADCAST, BROADCAST_ALL, N_SOCKETS };
 
 struct ArtnetSocket {

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define COMMAND_MS 1500 /* deadline of a command */
-#define TICK_MS    10   /* between two looks while something is under way */
+#define TICK_MS    10   /* period of the timer while a command is under way */
 #define LOST_MS    3000 /* time after which receivers that were not heard are lost */
 #define WAIT_MS    5    /* between two looks of a function that waits */
 
@@ -16,8 +16,8 @@ struct command {
     gboolean on;
     int n_sent;               /* number of times that the levels were sent, up to DMX_SENDS */
     gint64 begun_us, sent_us; /* sent_us: when the levels were last sent */
-    gboolean ended;           /* a function waits for the command, and its result is not reported */
-    gboolean waited_for;      /* by a function, so nothing is reported */
+    gboolean ended;           /* the result is known, but was not delivered yet */
+    gboolean waited_for;      /* a function waits for the command, and takes the result itself */
     GError *error;
 };
 

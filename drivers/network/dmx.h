@@ -23,14 +23,15 @@ struct dmx;
 struct dmx_protocol {
     const char *name; /* "Art-Net" */
     int min_universe, max_universe;
-    /* Returns the name of the thing that the i-th universe occupies, for driver_info.needs and for
-     * the lock. Returns NULL if an earlier universe occupies the same thing. The caller frees the
-     * name with g_free(). */
+    /* Returns the name of the resource that the i-th universe occupies, for driver_info.needs and
+     * for the lock. Returns NULL if an earlier universe occupies the same resource. The caller
+     * frees the name with g_free(). */
     char *(*unit)(const struct dmx *dmx, int i);
     /* Sends the levels of the i-th universe. */
     gboolean (*send)(struct dmx *dmx, int i, GError **error);
     /* Takes the packets that have arrived, and sends what the protocol needs besides levels. urgent
-     * is TRUE if a command waits for a later time of alive_us(). lit is TRUE if a lamp is lit. */
+     * is TRUE if a command waits until alive_us() returns a later time. lit is TRUE if a lamp is
+     * lit. */
     void (*look)(struct dmx *dmx, gboolean urgent, gboolean lit);
     /* Returns the last time at which the receivers are known to have been alive. Returns G_MININT64
      * if nothing was ever heard from them. */
@@ -115,7 +116,7 @@ gboolean dmx_is_dark(const struct dmx *dmx);
 /* Prepares the state. The driver then opens its socket and calls dmx_start(). If either of these
  * fails, the driver calls dmx_leave(). */
 void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *bank);
-/* Locks each thing that dmx_protocol.unit() names for the universes. */
+/* Locks each resource that dmx_protocol.unit() names for the universes. */
 gboolean dmx_lock(struct dmx *dmx, GError **error);
 /* Sends "off" and waits for its end, for at most wait_ms. Fills the bank. */
 gboolean dmx_start(struct dmx *dmx, int wait_ms, GError **error);

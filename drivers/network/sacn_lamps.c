@@ -24,7 +24,7 @@
 #include <unistd.h>
 
 #define LOSS_S         2.5 /* E131_NETWORK_DATA_LOSS_TIMEOUT */
-#define FIRST_STEP     64  /* between the first sequence numbers of a stream */
+#define FIRST_STEP     64  /* difference between the first sequence numbers of a stream */
 #define OPEN_WAIT_MS   1000
 #define CLOSE_WAIT_MS  300
 #define N_TERMINATIONS 3 /* E1.31 demands three packets */

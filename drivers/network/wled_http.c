@@ -10,8 +10,10 @@
 #define TIMEOUT_S  1
 #define MAX_ANSWER 65536
 
-/* "bri" is the brightness of what comes by UDP, because WLED keeps it when it goes off. "live" ends
- * the reception of UDP. With "v" the answer has the new state. */
+/* Members of the request that makes WLED dark:
+ * - "bri" is the brightness of the levels that come by UDP. WLED keeps it while it is off.
+ * - "live": false ends the reception of UDP.
+ * - "v": true requests the new state as the answer. */
 #define OFF "{\"on\":false,\"bri\":255,\"live\":false,\"transition\":0,\"v\":true}"
 
 struct WledHttp {

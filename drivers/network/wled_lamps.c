@@ -72,7 +72,8 @@ static gboolean send_levels(struct dmx *dmx, int i, GError **error) {
     memcpy(packet + 4, dmx->frames[i], n_bytes);
     const gsize size = 4 + n_bytes;
     int why = udp_send(lamps->fd, lamps->node, WLED_PORT, packet, size);
-    if (why) /* a report about an earlier packet comes instead of sending */
+    /* the kernel has reported the failure of an earlier packet instead of sending this one */
+    if (why)
         why = udp_send(lamps->fd, lamps->node, WLED_PORT, packet, size);
     return why == 0 ||
            device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,

@@ -19,8 +19,8 @@ struct program_axis {
     double tolerance_deg;
     Program *program;
     enum phase phase;
-    /* Counts commands. It is the tag of their requests, so the answers to earlier commands are
-     * recognised. */
+    /* Number of commands so far. It is the tag of the requests of the last command, so the answers
+     * to earlier commands are recognised. */
     int n_commands;
     gboolean told; /* the fault of the last command was reported */
     double target_deg, position_deg;
@@ -185,7 +185,7 @@ static double position(Axis *axis) {
     return ((const struct program_axis *)axis->device.priv)->position_deg;
 }
 
-/* Reads the state. An axis that something else has left moving is stopped. */
+/* Reads the state when the axis is opened. Stops an axis that already moves. */
 static gboolean read_first(Axis *axis, GError **error) {
     struct program_axis *priv = axis->device.priv;
     struct status status;

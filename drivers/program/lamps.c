@@ -11,7 +11,7 @@ struct program_lamps {
     struct program_command command;
     double warm_up_s;
     Program *program;
-    gboolean *on; /* room for the n states that an answer contains */
+    gboolean *on; /* buffer for the n states of an answer */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct program_lamps, name)
@@ -28,8 +28,8 @@ static int tag_of(int index, gboolean on) {
     return 2 * (index + 1) + (on != FALSE);
 }
 
-/* Fails if the answer of a program does not say that lamp index, or every lamp with −1, is in
- * the wanted state. */
+/* Fails unless the program's answer says that lamp `index` is in the wanted state, or every lamp if
+ * index is −1. */
 static gboolean check_lamps(const LampBank *bank, JsonObject *values, int index, gboolean on,
                             GError **error) {
     const struct program_lamps *lamps = bank->device.priv;

@@ -75,8 +75,9 @@ static guint8 *read_bytes(int fd, gsize max, gsize *ret_n) {
     return bytes;
 }
 
-/* Opens a file that a program has named. Returns −1 with an error unless it is a regular file of
- * at most max bytes: the name may belong to a link, a pipe or a device. */
+/* Opens a regular file of at most max bytes. Returns −1 with an error for anything else. The check
+ * is needed because a program has chosen the name, which may be that of a link, a pipe or a
+ * device. */
 static int open_picture(const char *path, const char *name, gsize max, gsize *ret_size,
                         GError **error) {
     struct stat about;

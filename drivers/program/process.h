@@ -1,8 +1,10 @@
 /*
  * The process of a program that is a device. mesorig-run-program.c runs the program with few
- * rights, and kills the program and all that it has started when it is told to, or when this
- * process ends. Standard error is that of this process. No function waits, except
- * program_process_reap(), which is to be called when the process has ended.
+ * rights. It kills the program and all that the program has started when this process tells it to,
+ * or when this process ends. Standard error is that of this process.
+ *
+ * No function waits, except program_process_reap(), which is to be called when the process has
+ * ended.
  */
 #pragma once
 

@@ -56,7 +56,7 @@ struct Program {
     GByteArray *line;     /* output that was read and not taken yet */
     GQueue starting;      /* of struct call: "hello" and "open" */
     GQueue waiting, sent; /* of struct call */
-    GQueue dropped;       /* of struct call: overtaken before they were sent; pump() ends them */
+    GQueue dropped;       /* of struct call: replaced before they were sent; pump() ends them */
     guint64 last_id, n_calls;
     guint pump, ping, start, ending;
     JsonObject *hello, *opened; /* answers of the program to "hello" and "open" */
