@@ -31,7 +31,7 @@ enum gcode_state {
 
 struct gcode_report {
     enum gcode_state state;
-    int sub;          /* number after the state's colon; −1 if there is none */
+    int sub;          /* number after the colon that follows the state; −1 if there is none */
     int n_at;         /* number of positions, above 0 */
     int n_wco;        /* number of offsets; 0 if the report has none */
     gboolean is_work; /* `at` is in work coordinates; the machine position is at + wco */
@@ -54,20 +54,22 @@ enum gcode_kind {
     GCODE_POSITION, /* answer of Marlin or Klipper to M114 */
     GCODE_FAILURE,  /* Marlin: "Error:TEXT"; Klipper: "!! TEXT" */
     GCODE_KILLED,   /* Marlin has stopped for good, until it is reset */
-    /* Marlin's settings of M92 (steps per unit), M201 or M203; NUMBER is 92, 201 or 203 */
+    /* Marlin's values of M92 (steps per unit), M201 or M203; NUMBER is 92, 201 or 203 */
     GCODE_SCALE,
-    /* Marlin does not know the command "L" with NUMBER, or Klipper does not know TEXT */
+    /* Marlin does not know the command "L" followed by NUMBER, or Klipper does not know the command
+     * TEXT */
     GCODE_UNKNOWN,
     GCODE_ECHO,  /* Klipper's answer to "ECHO MESORIG=NUMBER" */
     GCODE_STATE, /* NUMBER is a state of Klipper */
-    GCODE_LIMIT, /* Klipper's VALUE for all axes of the limit of M201 or M203 (NUMBER) */
+    /* limit of M201 or M203 in Klipper, where NUMBER is 201 or 203; VALUE counts for all axes */
+    GCODE_LIMIT,
 };
 
 enum klipper_state {
     KLIPPER_READY,
     KLIPPER_STARTING, /* connects to its controllers */
     KLIPPER_SHUTDOWN, /* has stopped all motors; only FIRMWARE_RESTART helps */
-    KLIPPER_HALTED,   /* an error of the configuration or of a connection */
+    KLIPPER_HALTED,   /* stopped by an error of the configuration or of a connection */
     KLIPPER_LEAVES,   /* ends or restarts */
 };
 
@@ -76,8 +78,8 @@ struct gcode_answer {
     int number;
     double value;
     struct gcode_report report;
-    /* GCODE_POSITION: `at` has the positions to which the axes were sent, and `steps` has the
-     * positions of the motors. GCODE_SCALE: `at` has the values. */
+    /* For GCODE_POSITION, `at` has the positions to which the axes were sent, and `steps` has the
+     * positions of the motors. For GCODE_SCALE, `at` has the values. */
     gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
     double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
     /* Printable ASCII. Set for GCODE_VERSION, GCODE_FAILURE, GCODE_KILLED and GCODE_UNKNOWN, and

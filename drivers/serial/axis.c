@@ -17,10 +17,10 @@ struct gcode_axis {
     GcodeClient *client;
     enum phase phase;
     gboolean watched;   /* the axis is homed */
-    double home_units;  /* position of the board when the axis is at home_deg */
+    double home_units;  /* position in units of the board when the axis is at home_deg */
     double units;       /* position that was reported last */
     double rest_units;  /* position at the end of the last motion */
-    int n_moved;        /* reports in a row with another position than rest_units */
+    int n_moved;        /* number of reports in a row that differ from rest_units */
     gboolean on_target; /* the axis stands at target_deg, within its tolerance */
     double target_deg;
 };
@@ -253,7 +253,8 @@ static gboolean open_axis(Axis *axis, GError **error) {
     if (!with_subject(axis, priv->client != NULL, error))
         return FALSE;
     device_set_identity(&axis->device, gcode_client_firmware(priv->client), NULL, priv->link.port);
-    if (priv->link.dialect == GCODE_GRBL) { /* the others report no position at a given time */
+    /* only GRBL says at what time an axis had the reported position */
+    if (priv->link.dialect == GCODE_GRBL) {
         axis->motion.report_ms = priv->poll_ms + 2 * priv->stamp_ms;
         axis->motion.stamp_ms = priv->stamp_ms;
     }

@@ -12,10 +12,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAX_LINE    512   /* a longer line is noise */
-#define IDLE_MS     100   /* time between two ticks while nothing is under way */
-#define MIN_LATE_US 20000 /* a timer that comes later shows that this program could not run */
-#define WAIT_MS     5     /* longest wait for input in open() and close() */
+#define MAX_LINE 512 /* a longer line is noise */
+#define IDLE_MS  100 /* period of the timer in the phase READY */
+/* if the timer is late by more, this program could not run in that time */
+#define MIN_LATE_US 20000
+#define WAIT_MS     5 /* longest wait for input in open() and close() */
 
 const char *const gcode_dialects[] = {"grbl", "marlin", "klipper", NULL};
 
@@ -175,7 +176,8 @@ static void unplugged(GcodeBoard *board, const char *why) {
     gcode_board_lose(board, error);
 }
 
-/* Calls back one client after another. A callback may free the client, or all of them. */
+/* Calls ended() or lost() of one client after another. Such a callback may free its client or all
+ * clients. */
 static void deliver(GcodeBoard *board) {
     for (guint i = 0; i < board->clients->len;) {
         GcodeClient *client = board->clients->pdata[i];
@@ -226,7 +228,7 @@ void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n) {
         g_debug("%s: %s", board->link.port, g_strerror(errno));
 }
 
-/* Sends the lines for which the board has room. */
+/* Sends the waiting lines for which the board has space. */
 static void pump(GcodeBoard *board) {
     struct gcode_line *line;
     while ((line = g_queue_peek_head(&board->unsent))) {
@@ -258,7 +260,7 @@ gboolean gcode_board_answered(GcodeBoard *board) {
         return FALSE;
     board->n_unanswered -= (int)strlen(line->text);
     line_free(line);
-    /* The time of the next answer counts from this one. */
+    /* The time limit of the next answer counts from this answer. */
     struct gcode_line *next = g_queue_peek_head(&board->sent);
     if (next)
         next->sent_us = clock_now_us(board->clock);
@@ -398,7 +400,8 @@ static void read_input(GcodeBoard *board) {
     }
 }
 
-/* Begins to stop the board if a client requests that, and otherwise starts a request that waits. */
+/* Begins to stop the board if a client has requested a stop. Otherwise starts a request that
+ * waits. */
 static void next_request(GcodeBoard *board) {
     gboolean stops = FALSE;
     for (guint i = 0; i < board->clients->len; i++)
@@ -510,8 +513,8 @@ static gboolean connect_port(GcodeBoard *board, GError **error) {
     return TRUE;
 }
 
-/* Works without the main loop while the board is in the phase, but no longer than until until_us.
- * If stops is not NULL, returns as soon as the stop of that client has ended. */
+/* Works without the main loop as long as the board stays in `phase`. Returns at until_us at the
+ * latest. If stops is not NULL, returns as soon as the stop of that client has ended. */
 static void work(GcodeBoard *board, enum phase phase, const GcodeClient *stops, gint64 until_us) {
     while (board->phase == phase && (!stops || stops->stops) &&
            clock_now_us(board->clock) < until_us) {
@@ -577,7 +580,8 @@ GcodeClient *gcode_client_new(const struct gcode_link *link, int letter, double 
         gcode_client_free(client);
         return NULL;
     }
-    /* The greeting has its own deadlines; this one is for a port that never becomes silent. */
+    /* The dialect has deadlines for the greeting. This deadline is for a port that never becomes
+     * silent. */
     work(board, GREETING, NULL,
          clock_now_us(board->clock) +
              (gint64)((2 * link->boot_ms + 8 * link->answer_ms + 4000) * 1000));
@@ -623,8 +627,8 @@ const char *gcode_client_firmware(const GcodeClient *client) {
     return client->board->firmware;
 }
 
-/* Begins a request of the client. Drops the result of an earlier request or stop, which is no
- * longer relevant. */
+/* Begins a request of the client. Drops the result of an earlier request or stop, because it has
+ * lost its meaning. */
 static void begin_request(GcodeClient *client, enum request request) {
     client->request = request;
     client->stops = client->has_ended = FALSE;
@@ -674,7 +678,7 @@ gboolean gcode_client_stop(GcodeClient *client, double brake_s, GError **error) 
     client->n_still = 0;
     client->brake_s = brake_s;
     if (another && active->request == MOVE)
-        return TRUE; /* confirmed by reports: gcode_board_check_still() */
+        return TRUE; /* gcode_board_check_still() confirms the stop by the reported positions */
     if (another)
         gcode_board_end_request(
             board, device_error_new(DEVICE_ERROR_STALLED, NULL,

@@ -58,8 +58,8 @@ void gcode_link_check(const struct gcode_link *link, const struct config_section
 typedef struct GcodeClient GcodeClient;
 
 struct gcode_listener {
-    /* The board has reported the position of the axis, in units of the board. The board read the
-     * position between the times asked_us and answered_us. */
+    /* The board has reported the position of the axis, in units of the board. The board read it at
+     * a moment between the times asked_us and answered_us. */
     void (*at)(gpointer data, double units, gint64 asked_us, gint64 answered_us);
     /* A request has ended. error is NULL if it succeeded. The client may leave the board. */
     void (*ended)(gpointer data, const GError *error);
@@ -79,10 +79,12 @@ struct gcode_limits {
     int inches;      /* 1: the board reports inches, −1: it reports millimetres */
 };
 
-/* For a device's open(): connects to the board, or joins the board that is open. `letter` is an
- * index into GCODE_LETTERS. poll_ms is the time between two reports while an axis moves. Waits
- * until the board has answered, at most 2 boot_ms + 8 answer_ms + 4 s. A motion that another
- * program has left is stopped. Returns NULL with an error on failure. */
+/* For a device's open(): connects to the board, or joins the board if another axis has opened it.
+ * `letter` is an index into GCODE_LETTERS. poll_ms is the time between two reports while an axis
+ * moves.
+ *
+ * Waits until the board has answered, at most 2 boot_ms + 8 answer_ms + 4 s. Stops a motion that
+ * another program has left behind. Returns NULL with an error on failure. */
 GcodeClient *gcode_client_new(const struct gcode_link *link, int letter, double poll_ms,
                               const struct device *device, const struct gcode_listener *listener,
                               gpointer data, GError **error);
@@ -91,22 +93,22 @@ void gcode_client_free(GcodeClient *client); /* NULL is ignored */
 void gcode_client_limits(const GcodeClient *client, struct gcode_limits *ret);
 /* Returns whether the board lacks the axis of the client. */
 gboolean gcode_client_is_missing(const GcodeClient *client);
-/* Returns whether another axis homes the whole board now. */
+/* Returns whether the request of another axis homes all axes of the board now. */
 gboolean gcode_client_is_dragged(const GcodeClient *client);
 const char *gcode_client_firmware(const GcodeClient *client);
 
-/* Starts a motion to a position. It ends when the board has reported that the axis stands. The
- * caller then compares the last position that at() was given with the target. */
+/* Starts a motion to a position. The request ends when the board has reported that the axis stands.
+ * The caller then compares the last position that at() was given with the target. */
 gboolean gcode_client_move(GcodeClient *client, double units, double units_s, GError **error);
 
 enum gcode_homing {
     GCODE_HOME_ALL,  /* all axes of the board together */
     GCODE_HOME_AXIS, /* this axis */
-    GCODE_HOME_HERE, /* nothing moves; the board is only made ready for a motion */
+    GCODE_HOME_HERE, /* nothing moves; the board is only prepared for motions */
 };
 
-/* Starts homing. Watched axes that GCODE_HOME_ALL moves without their request are moved back before
- * the request ends. */
+/* Starts homing. GCODE_HOME_ALL also moves watched axes that have not requested it. These axes are
+ * moved back before the request ends. */
 gboolean gcode_client_home(GcodeClient *client, enum gcode_homing homing, GError **error);
 
 /* Stops the axis and forgets its request. brake_s is the longest time that the axis takes to brake.

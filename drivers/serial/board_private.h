@@ -1,5 +1,5 @@
-/* What board.c, which has the connection and the requests, shares with the dialects (grbl.c,
- * marlin.c, klipper.c). */
+/* What board.c shares with the dialects (grbl.c, marlin.c, klipper.c). board.c has the connection
+ * and the requests. */
 #pragma once
 
 #include "board.h"
@@ -8,7 +8,8 @@
 
 typedef struct GcodeBoard GcodeBoard;
 
-/* Positions that differ by less are the same. They are reported in units with three decimals. */
+/* Positions that differ by less than this count as the same, in units of the board. Boards report
+ * positions with three decimals. */
 #define GCODE_SAME 0.0015
 
 enum phase {
@@ -16,7 +17,7 @@ enum phase {
     GREETING, /* the port is open; the board has not answered yet */
     READY,
     RUNNING,  /* the request of board->active is under way */
-    STOPPING, /* the board stops all motion, for the clients that have requested it (stops) */
+    STOPPING, /* the board stops all motion for the clients whose `stops` is TRUE */
 };
 
 enum request { NO_REQUEST, MOVE, HOME_ALL, HOME_AXIS, HOME_HERE };
@@ -39,7 +40,7 @@ struct GcodeClient {
 };
 
 struct dialect {
-    /* Begins the greeting of a board: its port has just been opened. */
+    /* Begins the greeting: the first questions to a board whose port was just opened. */
     void (*greet)(GcodeBoard *board);
     /* Takes a line that the board has sent. */
     void (*take)(GcodeBoard *board, const struct gcode_answer *answer);
@@ -50,11 +51,10 @@ struct dialect {
     void (*start)(GcodeBoard *board);
     /* Begins to stop all motion. */
     void (*stop)(GcodeBoard *board);
-    /* window: maximum number of bytes of unanswered lines. one_line: no more than one line may be
-     * unanswered. */
+    /* maximum number of bytes of unanswered lines */
     int window;
     gboolean one_line;
-    /* error if the board has halted itself: what has happened, and what to do */
+    /* Text of the error when the board has halted itself: what has happened, and what to do. */
     const char *halted;
 };
 
@@ -79,8 +79,9 @@ struct GcodeBoard {
     gint64 due_us; /* time when the timer is due */
     Lock *lock;    /* of the port; kept while the board is lost */
     GString *input;
-    gboolean skips; /* the rest of a line that is too long is discarded */
-    int n_noise;    /* lines that were not understood since the port was opened */
+    /* the input up to the next end of line is discarded, because the line is too long */
+    gboolean skips;
+    int n_noise; /* lines that were not understood since the port was opened */
 
     enum phase phase;
     GcodeClient *active; /* NULL unless RUNNING */
@@ -100,13 +101,14 @@ struct GcodeBoard {
     /* The rest is used by the dialects. */
     int stage;                 /* enum stage of the dialect */
     gint64 stage_us, until_us; /* beginning and deadline of the stage */
-    int n_final;               /* number of reports that show that a motion has ended, so far */
+    int n_final;               /* reports so far that show that a motion has ended */
 
     /* GRBL */
     int n_wco; /* number of offsets that are known */
     double wco[GCODE_MAX_AXES];
-    int alarm;     /* number of the last alarm since the last reset */
-    gboolean held; /* held_at is valid: it is where the axes stood in a finished hold */
+    int alarm; /* number of the last alarm since the last reset */
+    /* held_at is valid: the positions of the axes when the last feed hold had ended */
+    gboolean held;
     double held_at[GCODE_MAX_AXES];
     double final_at[GCODE_MAX_AXES]; /* positions in the last of the n_final reports */
     int n_resets;                    /* number of Ctrl-X of the stage */
@@ -117,7 +119,7 @@ struct GcodeBoard {
     /* GRBL and Klipper */
     int n_before;
     double before[GCODE_MAX_AXES]; /* where the axes were before homing */
-    gboolean reset_once;           /* GREETING: a silent board was reset (Ctrl-X, M112) */
+    gboolean reset_once;           /* a silent board was reset during the GREETING (Ctrl-X, M112) */
 
     /* Marlin and Klipper */
     int token;       /* number in the last command that was sent only for its echo */
@@ -144,8 +146,8 @@ struct GcodeBoard {
 /* Closes the port, drops all lines and forgets the position. A new client and the next request to
  * home or to stop open the port again, which resets most boards. */
 void gcode_board_close(GcodeBoard *board);
-/* Queues a line, given without its end, and sends it as soon as the board has room. is_long: see
- * struct gcode_line. */
+/* Queues a line and sends it as soon as the board has space. `text` has no end of line. is_long:
+ * see struct gcode_line. */
 void gcode_board_send(GcodeBoard *board, const char *text, gboolean is_long);
 /* Sends bytes now, before all lines that wait. Does nothing if the port is closed. A failure is
  * only logged, because the deadline of the answer shows it. */
@@ -161,7 +163,8 @@ gboolean gcode_board_is_answered(const GcodeBoard *board);
 /* Stores the position and tells the clients. */
 void gcode_board_moved(GcodeBoard *board, const double *at, int n);
 
-/* Ends the greeting or the stop, and with it the stops of all clients, without an error. */
+/* Ends the greeting or the stop without an error. The end of the stop ends the stops of all
+ * clients. */
 void gcode_board_ready(GcodeBoard *board);
 /* Ends the active request. If it is a HOME_ALL, also ends the HOME_ALL requests of all other
  * clients. error is NULL if the request has succeeded. Takes ownership of error. */
@@ -169,25 +172,26 @@ void gcode_board_end_request(GcodeBoard *board, GError *error);
 /* Ends the stop or the greeting with an error. If it was the greeting, also closes the port and
  * ends all requests. Takes ownership of error. */
 void gcode_board_fail(GcodeBoard *board, GError *error);
-/* Says that the positions of all axes are unknown. Ends all requests but stops. Takes ownership of
- * error. */
+/* Says that the positions of all axes are unknown. Ends all requests with the error. A stop goes
+ * on; when it ends, it reports the error if its axis was watched. Takes ownership of error. */
 void gcode_board_lose(GcodeBoard *board, GError *error);
 /* Ends the stop of clients whose axes stand while another axis moves. Call it after each report. */
 void gcode_board_check_still(GcodeBoard *board);
 
-/* Begins a stage of the phase. Its deadline follows after ms. */
+/* Begins a stage of the phase. The deadline of the stage is after ms. */
 void gcode_board_begin(GcodeBoard *board, int stage, double ms);
 /* Returns whether more than ms have passed since since_us. */
 gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms);
-/* Returns the shortest time between two reports that a client wants, idle_ms at most. */
+/* Returns the shortest poll_ms of all clients, and idle_ms at most. */
 double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
-/* Returns whether homing has moved the axis of a client away from board->before, although the
- * client is watched and has not requested the homing. */
+/* Returns whether homing has moved a watched axis away from board->before without a request of its
+ * client. FALSE for an axis that was never moved, because its speed for the way back is not
+ * known. */
 gboolean gcode_board_was_dragged(const GcodeBoard *board, const GcodeClient *client);
 /* Returns the longest brake_s of all clients. */
 double gcode_board_brake_s(const GcodeBoard *board);
 /* Returns whether a client is watched. */
 gboolean gcode_board_is_watched(const GcodeBoard *board);
-/* Returns a new error which says that the board has halted itself, has sent only noise while it was
- * greeted, or has not answered for ms. */
+/* Returns a new error for one of three cases: the board has halted itself, has sent only noise
+ * during the greeting, or has not answered for ms. */
 GError *gcode_board_silence(const GcodeBoard *board, double ms);

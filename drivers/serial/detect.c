@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #define ASK_MS    500  /* time between two questions while the board boots */
-#define LISTEN_MS 3500 /* time for the board to boot and to answer, at each speed */
+#define LISTEN_MS 3500 /* at each speed, time that the board has to boot and to answer */
 #define MAX_LINE  512
 
 struct found {

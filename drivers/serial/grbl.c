@@ -21,7 +21,7 @@
 #define ASK_MS    100  /* time between two questions while the board boots */
 #define WATCH_MS  250  /* time between two questions to a board that stands */
 #define HOLD_MS   1000 /* time that a feed hold may take in addition to the braking */
-#define N_FINAL   2    /* equal reports that show where a motion has ended */
+#define N_FINAL   2    /* number of equal reports that show where a motion has ended */
 #define N_OTHER   4
 #define MOVE_LINE "G21G90G94G53G1%c%.4fF%.4f"
 
@@ -242,8 +242,8 @@ static void check_request(GcodeBoard *board, const struct gcode_report *report) 
         ask(board);
 }
 
-/* Reports the positions as lost if they are not the same after the reset, or if the board was reset
- * while it moved. */
+/* Called after a reset. Reports the positions as lost if the reset has changed them, or if the
+ * board moved when it was reset. */
 static void check_kept(GcodeBoard *board, gboolean moved) {
     gboolean same = board->held && board->n_at > 0;
     for (int i = 0; i < board->n_at; i++)
@@ -269,8 +269,8 @@ static void end_check(GcodeBoard *board, const struct gcode_report *report) {
 }
 
 static void check_hold(GcodeBoard *board, const struct gcode_report *report) {
-    /* "!" changes Idle to Hold:0, so Idle was reported before "!" came. Firmware that ignores "!"
-     * while it stands reports Idle again. */
+    /* A board that stands answers "!" with Hold:0. If Idle is reported, the report was sent before
+     * "!" came, or the firmware ignores "!" while it stands. */
     const gboolean idle = report->state == GCODE_IDLE;
     board->n_final = idle ? board->n_final + 1 : 0;
     if (!gcode_report_stands(report) || (idle && board->n_final < 3)) {
@@ -288,7 +288,7 @@ static void check_standing(GcodeBoard *board, const struct gcode_report *report)
 }
 
 /* Converts the positions of a report to machine coordinates. Returns FALSE if they are work
- * coordinates whose offset is not known yet. */
+ * coordinates and their offset is not known yet. */
 static gboolean read_position(GcodeBoard *board, const struct gcode_report *report, double *ret) {
     if (report->n_wco > 0) {
         board->n_wco = report->n_wco;
@@ -440,7 +440,8 @@ static void take(GcodeBoard *board, const struct gcode_answer *answer) {
     }
 }
 
-/* Asks again if that is due. A question without an answer is repeated, because it may be lost. */
+/* Sends "?" if it is due. A question without an answer is repeated, because one of the two may be
+ * lost. */
 static void poll_board(GcodeBoard *board) {
     const gboolean ready = board->phase == READY;
     const double ms = board->phase == GREETING ? ASK_MS
@@ -454,8 +455,8 @@ static void poll_board(GcodeBoard *board) {
         ask(board);
 }
 
-/* A motion is lost if a line is not accepted or no report comes. GRBL reports nothing while it
- * homes, so there the deadline of the class counts. */
+/* A motion fails if a line is not accepted in time, or if no report comes in time. GRBL reports
+ * nothing while it homes, so there only the deadline of the class counts. */
 static void check_running(GcodeBoard *board) {
     const struct gcode_line *line = g_queue_peek_head(&board->sent);
     const double ms = board->link.answer_ms;
@@ -490,7 +491,8 @@ static void tick(GcodeBoard *board, gint64 now_us) {
         begin_reset(board); /* silent: perhaps it is locked by an alarm */
     } else if (board->phase == GREETING && board->stage == ASKING && !board->reset_once &&
                gcode_board_is_past(board, board->stage_us, board->link.boot_ms / 2)) {
-        board->reset_once = TRUE; /* an alarm before the port was opened makes it silent */
+        /* after an alarm that came before the port was opened, the board is silent */
+        board->reset_once = TRUE;
         send_reset(board);
     } else if (board->phase == GREETING && board->stage == HOLDING && late) {
         begin_reset(board);

@@ -26,8 +26,9 @@
 #define WATCH_MS 250  /* time between two questions for the position while the axes stand */
 #define POLL_MS  100  /* the same, while one of them moves */
 #define AHEAD_MS 3000 /* longer than the motion that Klipper accepts in advance */
-#define LEFT_MS  3000 /* silence after which a motion that somebody has left is stopped */
-#define PIECE_S  0.1  /* duration of a piece of a move at its top speed */
+/* after a silence of this time, a motion that another program has left is stopped */
+#define LEFT_MS 3000
+#define PIECE_S 0.1 /* duration of a piece of a move at its top speed */
 
 #define UNKNOWN (-1) /* instead of an enum klipper_state */
 
@@ -38,7 +39,7 @@ enum stage {
     SETTLING,   /* GREETING, STOPPING: M400 was sent, then M114 */
     KILLING,    /* M112 was sent */
     RESTARTING, /* RUNNING: FIRMWARE_RESTART was sent */
-    STARTING,   /* RUNNING: M114 was sent, for the place where the motion begins */
+    STARTING,   /* in the phase RUNNING: M114 was sent to learn where the motion begins */
     MOVING,     /* pieces are sent */
     HOMING,
     FINISHING, /* M400 was sent, then M114 */
@@ -78,7 +79,8 @@ static void greet(GcodeBoard *board) {
     resync(board, board->link.boot_ms);
 }
 
-/* Waits for the end of all motions, and then for their position. A stop keeps its deadline. */
+/* Sends M400, which is answered after the end of all motions, and asks for the position. A stop
+ * keeps its deadline. */
 static void settle(GcodeBoard *board, int stage, double ms) {
     if (board->phase == STOPPING)
         board->stage = stage;
@@ -190,7 +192,7 @@ static void shut_down(GcodeBoard *board) {
         resync(board, board->link.answer_ms);
 }
 
-/* Klipper restarts, or has restarted. It does so when all motions have ended. */
+/* Klipper restarts, or has restarted. All motions have ended then. */
 static void restarted(GcodeBoard *board) {
     board->synced = board->echoed = FALSE;
     gcode_board_forget_lines(board);
@@ -412,7 +414,7 @@ static void tick_stop(GcodeBoard *board) {
 static void tick_greeting(GcodeBoard *board, gboolean late) {
     const double boot_ms = board->link.boot_ms;
     /* A program that has ended may have left a motion or a homing that still runs. Klipper does not
-     * answer then, so M112 stops it. */
+     * answer during that time, so it is stopped by M112. */
     const gboolean silent = board->stage == SYNCING && board->n_noise == 0 &&
                             board->heard_us <= board->stage_us &&
                             gcode_board_is_past(board, board->stage_us, MIN(boot_ms / 2, LEFT_MS));
@@ -454,7 +456,7 @@ static void tick(GcodeBoard *board, gint64 now_us) {
         gcode_board_end_request(board, gcode_board_silence(board, ms));
     } else if (board->phase == READY && !board->killed &&
                (silent || (!board->synced && gcode_board_is_past(board, board->asked_us, ms)))) {
-        send_token(board); /* perhaps another program has sent a long command */
+        send_token(board); /* the silence may come from a long command of another program */
     } else if (board->phase == RUNNING && board->stage == MOVING) {
         if (gcode_board_is_past(board, board->asked_us, POLL_MS))
             ask(board);

@@ -27,7 +27,7 @@
 
 #define N_TRIES         3
 #define PINGS           4   /* number of pings in the time of the controller's watchdog */
-#define TICK_MS         10  /* between two looks at the deadlines while a request is under way */
+#define TICK_MS         10  /* period of the timer while a request is under way */
 #define CLOSE_ANSWER_MS 150 /* longest time for an answer to each of the N_TRIES of close() */
 #define MIN_WATCHDOG_MS 500
 
@@ -198,8 +198,8 @@ static void send(struct serial_lamps *lamps, struct request *request) {
         g_debug("%s: %s", lamps->port, g_strerror(errno));
 }
 
-/* Returns the rank of a request. A request is sent if no request of its rank or above is under
- * way. */
+/* Returns the rank of a request. A request waits while a request of the same or a higher rank is
+ * under way. */
 static int rank(const struct request *request) {
     return request->what == LAMP_OFF ? 2 : is_off(request) ? 1 : 0;
 }
@@ -236,8 +236,8 @@ static struct request *add(struct serial_lamps *lamps, enum lamp_request what, i
     return request;
 }
 
-/* Keeps an "off" from being undone: an earlier "on" that was not sent ends, and one that was sent
- * is not sent again. */
+/* Keeps an earlier "on" from undoing an "off". An "on" that was not sent yet ends. An "on" that was
+ * sent is not sent again. */
 static void overtake(struct serial_lamps *lamps, const struct request *off) {
     for (GList *l = lamps->requests.head; l; l = l->next) {
         struct request *request = l->data;
@@ -331,8 +331,8 @@ static gboolean is_last(const struct serial_lamps *lamps, const struct request *
     return FALSE;
 }
 
-/* Takes the answer to a request. Earlier requests to the same lamps end first. An earlier "off" has
- * the result of a later "off". Any other earlier request ends as not answered. */
+/* Takes the answer to a request. First ends the earlier requests to the same lamps. If both are
+ * "off", the earlier one gets the same result. Any other earlier request ends as not answered. */
 static void take_answer(struct serial_lamps *lamps, struct request *request,
                         const struct lamp_answer *answer) {
     g_autoptr(GError) error = check_answer(lamps, request, answer);
@@ -514,7 +514,7 @@ static gboolean ask(struct serial_lamps *lamps, enum lamp_request what, GError *
     return ok;
 }
 
-/* Asks until the controller answers or boot_ms have passed. */
+/* Sends pings until the controller answers or boot_ms have passed. */
 static gboolean greet(struct serial_lamps *lamps, GError **error) {
     Clock *clock = lamps->bank->device.clock;
     const gint64 until_us = clock_now_us(clock) + (gint64)(lamps->boot_ms * 1000);

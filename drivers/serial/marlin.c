@@ -29,7 +29,7 @@
 enum stage {
     ASKING,   /* the echo of "L" is due */
     SETTINGS, /* GREETING */
-    WATCHING, /* until the motors stand, in the phases GREETING and STOPPING */
+    WATCHING, /* until the motors stand; in the phases GREETING and STOPPING */
     MOVING,
     FINISHING, /* M400 was sent */
     HOMING,
@@ -49,8 +49,8 @@ static void send(GcodeBoard *board, const char *command, gboolean is_long) {
 }
 
 /* Sends the line of this number and all later lines again. Returns FALSE if the line is not kept
- * any more. More lines than the unanswered one are kept: if the number of a line was damaged on its
- * way, Marlin may have answered the line and ask for an earlier one. */
+ * any more. The history also keeps lines that were answered, because Marlin may ask for one of
+ * them. This happens after the number of a line was damaged on its way. */
 static gboolean send_again(GcodeBoard *board, int number) {
     const int first = board->n_line + 1 - (int)g_queue_get_length(&board->history);
     if (number < first || number > board->n_line)
@@ -189,7 +189,7 @@ static gboolean restore(GcodeBoard *board) {
                                board->before[client->letter]);
         units_s = MIN(units_s, client->last_units_s);
     }
-    board->n_before = 0; /* only one attempt: an axis that fails is reported as moved */
+    board->n_before = 0; /* only one attempt; if it fails, the axis is reported as moved */
     if (isinf(units_s))
         return FALSE;
     g_string_append_printf(line, " F%.4f", units_s * 60);

@@ -34,7 +34,7 @@ struct board {
     UsbDevice *usb; /* NULL if it is unplugged */
     int n;          /* number of relays */
     GList *jobs;    /* jobs that have not ended */
-    GList *users;   /* struct usb_relays of the open devices on the board */
+    GList *users;   /* of struct usb_relays: the open devices on the board */
 };
 
 /* State of a lamp bank or a laser: its relays on a board. */
@@ -53,7 +53,7 @@ struct usb_relays {
 /* A job that switches some relays and reads them back. */
 struct job {
     struct board *board;
-    gpointer device; /* NULL if the device was closed meanwhile; nothing is reported then */
+    gpointer device; /* NULL if the device was closed meanwhile; its func is then not called */
     SwitchedFunc func;
     int index;
     gboolean on;
@@ -116,9 +116,9 @@ static struct usb_relays *next_unplugged(const struct board *board) {
     return NULL;
 }
 
-/* Reports the loss of a board to the devices on it that may shine, because a board with a
- * separate power supply keeps its relays on. Listeners may close devices and thereby free the
- * board. */
+/* Reports the loss of a board to the devices on it that may shine. They may shine because a board
+ * with a separate power supply keeps its relays on. Listeners may close devices and thereby free
+ * the board. */
 static void relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
     struct usb_relays *relays;
@@ -204,9 +204,9 @@ static gboolean job_send(struct job *job, enum command command, int relay, GErro
     return TRUE;
 }
 
-/* Switches the relays of a mask. If the board was unplugged, first looks for it again. func is
- * called once, when all requests have ended. If no request could be sent, returns FALSE with an
- * error and does not call func. */
+/* Switches the relays of a mask. If the board was unplugged, first looks for it again. Returns TRUE
+ * if a request was sent. func is then called once, when all requests have ended. Otherwise returns
+ * FALSE with an error, and func is not called. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
     if (!board->usb && !board_connect(board, error))
@@ -323,7 +323,8 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
     return NULL;
 }
 
-/* Appends the relays that a section needs. n = 0 means all relays from the first one on. */
+/* Appends the names of the relays that a section needs. n = 0 means all relays from the first one
+ * on. */
 static void relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
     g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
     const int end = n ? relays->first + n : MAX_RELAYS + 1;

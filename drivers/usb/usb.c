@@ -25,7 +25,7 @@ struct context {
     libusb_hotplug_callback_handle hotplug;
     GSource *source;
     GHashTable *tags; /* maps a file descriptor to the tag of the source */
-    GQueue done;      /* of struct transfer: ended, but not yet reported */
+    GQueue done;      /* of struct transfer: transfers that have ended and are not reported yet */
     GList *devices;
 };
 
@@ -95,8 +95,8 @@ static void record_request(const UsbDevice *usb, const struct usb_request *reque
                     bytes->len);
 }
 
-/* Records the data that a request has read, or why it failed. Nothing follows a request that has
- * sent its data. */
+/* Records the data that a request has read, or why a request failed. Records nothing for a request
+ * that has sent its data without an error. */
 static void record_answer(const UsbDevice *usb, gboolean in, int code, const guint8 *data,
                           gsize n) {
     const struct recording_bus bus = {"usb", usb->path};
@@ -126,8 +126,8 @@ static void report_transfer(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
-/* Returns the next lost device to report, or NULL. All its transfers must have ended. A lost
- * device with transfers under way does not delay the report of others. */
+/* Returns the next lost device to report, or NULL if there is none. A device is reported when all
+ * its transfers have ended. It does not wait for other lost devices. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
         UsbDevice *usb = l->data;
@@ -260,8 +260,8 @@ static void context_unref(struct context *context) {
     g_free(context);
 }
 
-/* Called by libusb, perhaps within a request of another device. Therefore only records the end
- * of the transfer. */
+/* Called by libusb, perhaps within a request of another device. Therefore this function only
+ * records the end of the transfer. */
 static void LIBUSB_CALL on_transfer(struct libusb_transfer *libusb) {
     struct transfer *transfer = libusb->user_data;
     UsbDevice *usb = transfer->usb;
@@ -488,8 +488,8 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-/* Returns all devices that match, opened. Appends to seen, as text, every device of the vendor,
- * products and path that could be opened. *error is that of the last device that could not be
+/* Opens and returns all devices that match. Appends to seen, as text, every device of the vendor,
+ * products and path that could be opened. *error is the error of the last device that could not be
  * opened. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {

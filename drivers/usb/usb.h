@@ -25,8 +25,8 @@ struct usb_match {
     guint8 interface_class; /* the first interface of this class is claimed */
     const char *serial;
     const char *path; /* for example "1-2.4": the bus, then the port at each hub */
-    /* Reads the serial number of a device that does not have it in its string descriptor. Free the
-     * result with g_free(). NULL if the string descriptor has it. */
+    /* Reads the serial number of a device that has none in its string descriptors. Free the result
+     * with g_free(). NULL if the string descriptors contain the serial number. */
     char *(*read_serial)(UsbDevice *usb);
 };
 
@@ -38,10 +38,13 @@ typedef void (*UsbFunc)(UsbDevice *usb, const guint8 *data, gsize n, const GErro
  * device then closes it with usb_close(). */
 typedef void (*UsbLostFunc)(UsbDevice *usb, gpointer user);
 
-/* Opens the device that matches, and detaches a kernel driver from the interface. Fails with
- * DEVICE_ERROR_DISCONNECTED if none matches, DEVICE_ERROR_RANGE if more than one does,
- * DEVICE_ERROR_BUSY if another program uses the device, DEVICE_ERROR_UNSUPPORTED if this user may
- * not open it or there is no USB, and DEVICE_ERROR_PROTOCOL if it has no such interface. */
+/* Opens the device that matches, and detaches a kernel driver from the interface. Returns NULL with
+ * an error:
+ * - DEVICE_ERROR_DISCONNECTED: no device matches
+ * - DEVICE_ERROR_RANGE: more than one device matches
+ * - DEVICE_ERROR_BUSY: another program uses the device
+ * - DEVICE_ERROR_UNSUPPORTED: this user may not open the device, or there is no USB
+ * - DEVICE_ERROR_PROTOCOL: the device has no such interface */
 UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer user, GError **error);
 
 /* Closes the device and cancels its requests. No callback is made afterwards. NULL is ignored. */
@@ -57,10 +60,13 @@ struct usb_request {
 
 /* Starts a control transfer, which ends with one call of func. Requests are carried out in the
  * order in which they were started. If the transfer cannot be started, returns FALSE with an error
- * and does not call func. The error, returned or passed to func, is DEVICE_ERROR_TIMEOUT
- * if there is no answer after timeout_ms, DEVICE_ERROR_DISCONNECTED if the device is gone, and
- * DEVICE_ERROR_PROTOCOL if the device stalls the request or the transfer fails for another
- * reason. */
+ * and does not call func.
+ *
+ * The error, returned or passed to func, is one of these:
+ * - DEVICE_ERROR_TIMEOUT: there is no answer after timeout_ms
+ * - DEVICE_ERROR_DISCONNECTED: the device is gone
+ * - DEVICE_ERROR_PROTOCOL: the device stalls the request, or the transfer fails for another
+ *   reason */
 gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint timeout_ms,
                      UsbFunc func, gpointer user, GError **error);
 

@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Pause after a node has signalled a frame without having one. */
+/* Pause, in µs, after the kernel has said that a frame is ready but has returned none. */
 #define AGAIN_US 2000
 
 #define HWTIMESTAMPS "/sys/module/uvcvideo/parameters/hwtimestamps"
@@ -33,7 +33,7 @@ struct v4l2_camera {
 
     const char *who; /* name of the device; not owned */
     struct video_node node;
-    Lock *lock; /* lock of the node; kept until the camera is searched for again */
+    Lock *lock; /* lock of the node; it is given back when the camera is searched for again */
     struct video_setup setup;
     struct video_controls controls;
     struct video_stream stream;
@@ -44,7 +44,7 @@ struct v4l2_camera {
     guint64 shot;
     gint64 earliest_us; /* earliest start of the exposure of the wanted frame */
     guint source, timer;
-    int broken; /* errno of a stream that broke while no frame was awaited */
+    int broken; /* errno of the stream if it broke while no frame was awaited; otherwise 0 */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct v4l2_camera, name)
@@ -97,9 +97,9 @@ static const struct option options[] = {
     {NULL},
 };
 
-/* Returns the moment that a time stamp marks. uvcvideo flags its time stamps as start of
- * exposure, but takes the time of the first packet, unless its module parameter selects the
- * camera's clock. */
+/* Returns which moment of the exposure a time stamp marks. uvcvideo flags its time stamps as the
+ * start of exposure, but takes the time of the first packet. It uses the clock of the camera only
+ * if its module parameter says so. */
 static enum stamp stamp_kind(const struct v4l2_camera *v4l2, guint32 flags) {
     if (v4l2->stamp != STAMP_AUTO)
         return (enum stamp)v4l2->stamp;
@@ -200,8 +200,8 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Watches the device only while a frame is awaited. Otherwise the buffers stay full, and the kernel
- * drops further frames. */
+/* Watches the device. Called only while a frame is awaited. At other times the buffers stay full,
+ * and the kernel drops further frames. */
 static void camera_watch(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->source = g_unix_fd_add(v4l2->node.fd, G_IO_IN | G_IO_ERR | G_IO_HUP, on_ready, camera);

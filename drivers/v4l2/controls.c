@@ -16,11 +16,13 @@ static const char curved[] = "values are not proportional to the light";
 static const char neighbours[] = "a value depends on the light at neighbouring pixels";
 static const char coloured[] = "values depend on the light of other colours";
 
-/* These controls alter frames. They are set in this order, so that controls that enable others come
- * first. effect is NULL for controls that change values from frame to frame. A camera that refuses
- * to switch such a control off cannot be used. V4L2 defines no unit for gamma. A range that begins
- * above 0 and includes 100 is taken as hundredths, the unit of UVC. For brightness, contrast,
- * saturation and hue, the default value of the camera is taken as neutral. */
+/* The controls that alter frames, in the order in which they are set: controls that enable others
+ * come first. effect is NULL for a control that changes values from frame to frame. A camera that
+ * refuses to switch such a control off cannot be used.
+ *
+ * V4L2 defines no unit for gamma. A range that begins above 0 and includes 100 is taken as
+ * hundredths, the unit of UVC. For brightness, contrast, saturation and hue, the default value of
+ * the camera is taken as neutral. */
 static const struct {
     guint32 id;
     enum neutral neutral;
@@ -133,8 +135,8 @@ static char *plain_name(const struct v4l2_queryctrl *control) {
     return g_string_free(plain, FALSE);
 }
 
-/* Finds the value at which control i of altering has no effect. Returns FALSE if no such value
- * is known or it is out of range. */
+/* Finds the value at which control i of altering[] has no effect. Returns FALSE if no such value is
+ * known, or if the value is out of the range of the control. */
 static gboolean neutral_value(gsize i, const struct v4l2_queryctrl *control, gint64 *ret) {
     enum neutral neutral = altering[i].neutral;
     *ret = neutral == LEAST       ? MAX(control->minimum, MIN(altering[i].value, control->maximum))
@@ -198,8 +200,8 @@ char **video_controls_left(const struct video_node *node, char **settings) {
     return g_strv_builder_end(left);
 }
 
-/* Finds a control by name. If there is none, returns FALSE and has appended the names of all
- * controls to names. */
+/* Finds a control by name. If there is none, returns FALSE and appends the names of all controls to
+ * `names`. */
 static gboolean find_named(const struct video_node *node, const char *name, GString *names,
                            struct v4l2_queryctrl *ret) {
     *ret = (struct v4l2_queryctrl){.id = V4L2_CTRL_FLAG_NEXT_CTRL};

@@ -6,7 +6,8 @@
 
 struct video_load {
     char *who;
-    /* Sysfs folders of USB devices; each stands for its link towards the computer. */
+    /* Sysfs folders of USB devices. Each folder stands for the link from that device towards the
+     * computer. */
     GPtrArray *links;
     double mb_s;
 };

@@ -17,6 +17,6 @@ gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct 
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */
 
-/* Returns how much a link with a speed of mbit_s, in Mbit/s, can carry in isochronous transfers, in
- * 10⁶ bytes per second. */
+/* Returns the load that a link of mbit_s (in Mbit/s) can carry in isochronous transfers, in 10⁶
+ * bytes per second. */
 double video_link_mb_s(double mbit_s);

@@ -13,8 +13,8 @@
 #define CLASS_FOLDER "/sys/class/video4linux"
 #define MAX_LISTED   256 /* limit for lists of formats and sizes; vivid has 80 */
 
-/* Records a call and the struct that it has left behind, except the calls that each frame makes.
- * Keeps errno. */
+/* Records a call and the struct that the call has filled in. Leaves out the calls that are made for
+ * each frame. Keeps errno. */
 static void record(const struct video_node *node, unsigned long request, int why,
                    const guint8 *arg) {
     const struct recording_bus bus = {"v4l2", node->path ? node->path : "video"};
@@ -132,7 +132,7 @@ GPtrArray *video_node_list(void) {
     GPtrArray *all = list_all();
     for (guint i = all->len; i-- > 0;) {
         struct video_node node;
-        /* Also list a node that may not be opened, so that the error shows it. */
+        /* A node that may not be opened stays in the list, so that an error can name it. */
         if (!open_path(&node, all->pdata[i]) && node.fd >= 0)
             g_ptr_array_remove_index(all, i);
         video_node_close(&node);
@@ -140,8 +140,8 @@ GPtrArray *video_node_list(void) {
     return all;
 }
 
-/* Opens the first node that matches bus. *n is the number of matching nodes. Appends every node
- * that could be opened to seen, as text. */
+/* Opens the first node that matches bus. *n is the number of matching nodes. Appends to `seen`, as
+ * text, every node that could be opened. */
 static void open_fitting(struct video_node *ret, const char *bus, GString *seen, int *n) {
     g_autoptr(GPtrArray) all = list_all();
     *n = 0;

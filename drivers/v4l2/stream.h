@@ -23,7 +23,8 @@ struct video_setup {
 };
 
 /* Sets exactly the requested format and size, and the requested frame rate within 5 %. If the
- * device does not offer the format or the size, the error lists what it offers. */
+ * device does not offer the format or the size, the error lists the formats or sizes that it
+ * offers. */
 gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
                            struct video_setup *ret, GError **error);
 
