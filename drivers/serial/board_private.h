@@ -53,6 +53,7 @@ struct dialect {
     void (*stop)(GcodeBoard *board);
     /* maximum number of bytes of unanswered lines */
     int window;
+    /* at most one line may be unanswered */
     gboolean one_line;
     /* Text of the error when the board has halted itself: what has happened, and what to do. */
     const char *halted;

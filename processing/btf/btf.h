@@ -74,14 +74,20 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
 
 /* Writes the file of the view. Its parts have the attributes of pipeline.h, mesorig.inputs
  * (string), and error bars (btf_sigma.h). The attributes mesorig.holes, mesorig.bounds,
- * mesorig.shorter and mesorig.predicted (int) are the numbers of texels with each flag. The picture
- * of a missing light is predicted. For each texel, a plane over (sin θ cos φ, sin θ sin φ) is
- * fitted to ρ / cos θ_l of the nearest lights. The prediction is the value of the plane at the
- * missing light times that light's cos θ_l. The part of a light that was left out has the attribute
- * mesorig.left_out (int, 1). A missing light has no part if no light of the view was captured.
- * Fails if a picture cannot be read or belongs to another shot, if pictures differ in their colour
- * filter, or if more than half of a picture's texels are holes. Fails also if cancelled, or if the
- * file cannot be written. */
+ * mesorig.shorter and mesorig.predicted (int) are the numbers of texels with each flag.
+ *
+ * The picture of a missing light is predicted. For each texel, a plane over (sin θ cos φ, sin θ sin
+ * φ) is fitted to ρ / cos θ_l of the nearest lights. The prediction is the value of the plane at
+ * the missing light times that light's cos θ_l. The part of a light that was left out has the
+ * attribute mesorig.left_out (int, 1). A missing light has no part if no light of the view was
+ * captured.
+ *
+ * Fails if
+ * - a picture cannot be read or belongs to another shot
+ * - pictures differ in their colour filter
+ * - more than half of a picture's texels are holes
+ * - the work is cancelled
+ * - the file cannot be written. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 

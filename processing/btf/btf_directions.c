@@ -7,7 +7,7 @@
 #include "base/text_table.h"
 
 #define MOST     4096
-#define LOWEST   89.0 /* degrees: maximum θ; closer to the horizon nothing can be measured */
+#define LOWEST   89.0 /* maximum θ in degrees; nothing can be measured closer to the horizon */
 #define SAME_DEG 0.01
 
 void btf_directions_free(struct btf_directions *directions) {

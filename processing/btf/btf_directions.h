@@ -17,9 +17,16 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
 struct btf_directions *btf_directions_81(void);
 
 /* Reads a table (text_table.h) with the columns "of", "theta_deg" and "phi_deg". Each row is a
- * direction. "of" says of what: "view", "light" or "both". A table has 1 to 4096 views and 1 to
- * 4096 lights. θ is 0 … 89°, and φ is −720 … 720°. The error is DATA_ERROR_INVALID if the
- * file is not such a table, if a number is out of these ranges, if a column is missing or unknown,
- * if "of" has another text, or if a view (light) is within 0.01° of an earlier view (light). The
- * message names the file and, for an error in a row, the line. */
+ * direction. The column "of" says whether it is a direction of a view, a light or both ("view",
+ * "light" or "both"). A table has 1 to 4096 views and 1 to 4096 lights. θ is 0 … 89°, and φ is −720
+ * … 720°.
+ *
+ * The error is DATA_ERROR_INVALID if
+ * - the file is not such a table
+ * - a number is out of these ranges
+ * - a column is missing or unknown
+ * - "of" has another text
+ * - a view is within 0.01° of an earlier view, or a light of an earlier light.
+ *
+ * The message names the file and, for an error in a row, the line. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

@@ -13,8 +13,8 @@
 #include "btf_sigma.h"
 #include "exr/exr_half.h"
 
-/* A picture is not used for the guide, nor rectified with the guide, if a corner of the sample is
- * more than this many pixels from its place in the view's pose. */
+/* The guide is made from the pictures, and used for the pictures, in which every corner of the
+ * sample is within this many pixels of its place in the view's pose. */
 #define GUIDE_PX 0.25
 
 /* Pictures of at most this number of texels are not compressed. PIZ has tables for each block of 32
@@ -94,7 +94,8 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
 struct mosaic {
     guint16 *half; /* n_values half floats: the picture, without the glare */
     guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
-    /* DN/ms from which a value comes from shorter exposures; 0 if no shorter exposures were used */
+    /* Values from this one on, in DN/ms, come from shorter exposures; 0 if no shorter exposures
+     * were used. */
     float shorter;
     int saturated; /* number of saturated pixels; −1 if unknown */
     /* DN/ms: mean of red, green and blue pixels before the glare was subtracted; 0 if unknown */
@@ -105,15 +106,17 @@ struct mosaic {
 /* The pictures of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum;     /* n_values: sum of the pictures in the view's pose, used as the guide */
+    /* n_values: sum of the pictures in the view's pose, from which the guide is made */
+    double *sum;
     gboolean guided; /* whether any picture was added to sum */
     gsize n_pixels;
     gsize n_values; /* of a picture: n_pixels, or 3 n_pixels for "rgb"; set by the first picture */
     char *cfa;
 };
 
-struct posed { /* the last rectification, NULL before the first light; turntable_rad and guided
-                  say for which pose it was made, and whether it uses the guide */
+/* The last rectification, or NULL before the first light. turntable_rad is the angle for which it
+ * was made. guided says whether it uses the guide. */
+struct posed {
     Rectify *rectify;
     double turntable_rad;
     gboolean guided;

@@ -19,7 +19,7 @@ struct btf_matrix {
     struct btf_layout layout;
     float *values; /* height · width rows; NULL if the values are in scratch */
     /* Numbers of texels with each flag of btf.h, summed over all pictures. Imported pictures may
-     * have no flags; `holes` includes the holes that were found in their values. */
+     * have no flags. `holes` also counts the holes that were found in their values. */
     gint64 holes, bounds, shorter, predicted;
     char *directory; /* the session directory */
     struct btf_scratch *scratch;
@@ -57,9 +57,9 @@ struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *p
                                           const struct work *work, GError **error);
 
 /* Returns the rows of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
- * *ret_stride floats apart. The result points into the matrix, or, if the values are in a scratch
- * file, to buffer (n × n_lights × 3), into which they are read. Returns NULL if the scratch file
- * cannot be read. Any thread. */
+ * *ret_stride floats apart. The result points into the matrix. If the values are in a scratch file,
+ * they are read to buffer (n × n_lights × 3), and the result points to buffer. Returns NULL if the
+ * scratch file cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
@@ -78,11 +78,12 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout);
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
 /* The scratch file of btf_matrix_read_within(). The file holds n_views × n_texels × `row` half
- * floats, where `row` is n_lights × 3. btf_scratch_new() makes the file, without a name, in
- * `folder`. btf_scratch_write() writes all texels of a view: `values` has n_texels × `row` floats.
- * btf_scratch_read() reads texels first … first + n − 1 of a view: `ret` gets n × `row` floats.
- * btf_scratch_place_rows() reads these texels to the rows of `ret` with the numbers in `indices`,
- * as btf_matrix_place_rows() does. */
+ * floats, where `row` is n_lights × 3.
+ * - btf_scratch_new() makes the file, without a name, in `folder`.
+ * - btf_scratch_write() writes all texels of a view. `values` has n_texels × `row` floats.
+ * - btf_scratch_read() reads texels first … first + n − 1 of a view. `ret` gets n × `row` floats.
+ * - btf_scratch_place_rows() reads the same texels. As in btf_matrix_place_rows(), texel first + i
+ *   becomes row indices[i] of `ret`. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */

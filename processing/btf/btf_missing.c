@@ -11,7 +11,7 @@
 #define MIN_COS  0.02
 
 /* A captured light relative to the missing one. x and y are the differences of their positions (sin
- * θ cos φ, sin θ sin φ) in the unit disc, d is the distance of these positions. */
+ * θ cos φ, sin θ sin φ) in the unit disc. d is the distance between these positions. */
 struct disc_point {
     guint light;
     double x, y, d;

@@ -165,8 +165,8 @@ static int by_angles(gconstpointer one, gconstpointer other) {
     return a->light_theta_deg < b->light_theta_deg ? -1 : 1;
 }
 
-/* Finds the pictures that are worse than others at the same polar angles. A grazing view or light
- * has larger errors in every session. */
+/* Finds the pictures that are worse than others at the same polar angles. Other polar angles are no
+ * comparison, because a grazing view or light has larger errors in every session. */
 static void find_worse(GArray *pictures, struct btf_sigma_sums *ret) {
     g_autofree double *values = g_new(double, pictures->len + 1);
     const struct captured *all = (const struct captured *)(const void *)pictures->data;

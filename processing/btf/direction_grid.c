@@ -1,9 +1,14 @@
-/* The operator X (samples × n) maps n measured values to the samples of a grid. First, a
- * biharmonic spline S(ω) (a row of n weights for any direction ω) interpolates the measured
- * values over the hemisphere. Then least squares finds the samples whose bilinear interpolant
- * B(ω) X (B: a row of weights of the samples) is closest to the spline:
- *   min ∫ ‖B(ω) X − S(ω)‖² dω + λ ‖X − S(grid)‖² + w · mean_i ‖B(ω_i) X − e_i‖²,
- * e_i being row i of the identity. */
+/* The operator X (samples × n) maps n measured values to the samples of a grid. It is found in two
+ * steps.
+ *
+ * A biharmonic spline interpolates the measured values over the hemisphere. S(ω) is its row of n
+ * weights for the direction ω.
+ *
+ * Then least squares finds the samples whose bilinear interpolant B(ω) X is closest to the spline.
+ * B(ω) is the row of weights of the samples.
+ *   min ∫ ‖B(ω) X − S(ω)‖² dω + λ ‖X − S(grid)‖² + w · mean_i ‖B(ω_i) X − e_i‖²
+ * ω_i are the measured directions, and e_i is row i of the identity. λ is NEAR, and w is MEASURED
+ * or less. */
 #include "direction_grid.h"
 
 #include "base/data_error.h"
@@ -19,11 +24,11 @@
 #define MOST   4096 /* maximum number of measured directions */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* Weight w of the fit to the measured values, relative to the fit to the smooth interpolant. Many
- * measured directions lie midway between samples, for example many of btf_directions_81() on a grid
- * of 12. An exact fit to them makes the samples oscillate. gain_of() tells by which factor a sample
- * can exceed the largest measured value. While this factor is above MOST_GAIN and w is above LEAST,
- * w is halved. */
+/* Weight w of the fit to the measured values, relative to the fit to the smooth interpolant (the
+ * spline). Many measured directions lie midway between samples, for example many of
+ * btf_directions_81() on a grid of 12. An exact fit to them makes the samples oscillate. gain_of()
+ * tells by which factor a sample can exceed the largest measured value. While this factor is above
+ * MOST_GAIN and w is above LEAST, w is halved. */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
@@ -120,7 +125,8 @@ static void smooth_clear(struct smooth *smooth) {
 
 /* Returns for each of count directions the weights of the n measured values in the interpolant
  * (count × n). A direction below the lowest measured one is raised to the elevation of the lowest
- * one. Weights of lights are then multiplied by z / lowest. */
+ * one. For lights, its weights are then multiplied by z / lowest, where z is cos θ of the
+ * direction. */
 static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
     const int m = smooth->n + LINEAR;
     g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
@@ -143,8 +149,8 @@ static double *smooth_at(const struct smooth *smooth, const float *directions, i
 }
 
 /* Adds the term weight · ‖bᵀX − target‖² to the normal equations of X: matrix += weight · b bᵀ,
- * right += weight · b · target. b are the bilinear weights at a direction, and target is a row of
- * n. */
+ * right += weight · b · target. b holds the bilinear weights of the samples at a direction, and
+ * target is a row of n values. */
 static void add_equation(int n_grid, const float *direction, double weight, const double *target,
                          int n, double *matrix, double *right) {
     const int samples = n_grid * n_grid;
@@ -238,7 +244,7 @@ static double *solve(const struct equations *smooth, const struct equations *mea
     return ret;
 }
 
-/* Returns the largest sum of the absolute values of a row. No sample can exceed the largest
+/* Returns the largest sum of the absolute values of a row of X. No sample can exceed the largest
  * absolute measured value by more than this factor. */
 static double gain_of(const double *rows, gsize samples, gsize n) {
     double most = 0;

@@ -1,6 +1,7 @@
-/* Meseth et al. 2003 §4.1, for luminances B(x, v, l) that contain n·l. Reciprocity means B(v, l)
- * / cos θ_l = B(l, v) / cos θ_v. Conservation of energy means Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v
- * being the cosine-weighted solid angle of view v over π. */
+/* Meseth et al. 2003 §4.1, for luminances B(x, v, l) that contain n·l.
+ *
+ * Reciprocity means B(v, l) / cos θ_l = B(l, v) / cos θ_v. Conservation of energy means Σ_v w_v
+ * B(v, l) / cos θ_l ≤ 1, where w_v is the cosine-weighted solid angle of view v over π. */
 #include "energy.h"
 
 #include "base/data_error.h"
@@ -85,7 +86,8 @@ struct symmetry {
 };
 
 /* Adds the pairs of values B(v, l) (n_views × n_lights) to the sums. a is B(v, l) / cos θ_l, and b
- * is this quotient of the exchanged pair, whose index is in other (energy_exchanges()). */
+ * is the same quotient of the exchanged pair. other[i] is the index of the exchanged pair of i
+ * (energy_exchanges()). */
 static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
                          const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
@@ -105,7 +107,7 @@ static double asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
-/* Adds E_r(v) = mean_l f to ret_r and E_i(l) = mean_v f to ret_i, f(v, l) = B(v, l) / cos θ_l
+/* Adds E_r(v) = mean_l f to ret_r and E_i(l) = mean_v f to ret_i, where f(v, l) = B(v, l) / cos θ_l
  * (Meseth et al. 2003 §4.1). Lights with cos θ_l ≤ MIN_COSINE are left out. */
 static void sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
                        const double *values, double *ret_r, double *ret_i) {

@@ -17,16 +17,16 @@
 struct near_field {
     struct session_grid grid;
     struct direction_list views, lights; /* nominal directions */
-    /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
-     * because lamps move in this frame with the turntable. If the turntable turned during a view's
-     * pictures, the position of the camera is the mean over these pictures. camera_mm is NULL if
-     * the files lack the positions of cameras; all texels are then seen from the nominal
-     * directions. lamp_mm is NULL if the files lack the positions of lamps; all texels are then lit
-     * from the nominal directions. */
+    /* Positions in the sample frame: n_views of cameras, and n_views × n_lights of lamps, because
+     * lamps move in this frame with the turntable. If the turntable turned during a view's
+     * pictures, the position of the camera is the mean over these pictures.
+     *
+     * camera_mm or lamp_mm is NULL if the files lack the positions of cameras or lamps. All texels
+     * are then seen from, or lit from, the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
-    /* Unit vectors of the lamps' aims in the sample frame, and exponents n of their fall-off cos^n
-     * away from the aim; as many as lamp_mm, and NULL if lamp_mm is. An exponent is 0 if the file
-     * does not state it. */
+    /* Unit vectors of the lamps' aims in the sample frame, and exponents n of the fall-off cos^n
+     * away from the aim. An exponent is 0 if the file does not state it. Both arrays have the
+     * length of lamp_mm, and are NULL if lamp_mm is NULL. */
     struct vec3 *lamp_aim;
     double *lamp_exponent;
 };
@@ -47,11 +47,13 @@ struct vec3 near_field_view(const struct near_field *near_field, int view, int t
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 
 /* Returns the irradiance of a texel relative to the irradiance of the centre of the sample, both on
- * planes that face the lamp: (r₀ / r)² (cos α / cos α₀)^n. r is the distance from the lamp to the
- * texel. α is the angle at the lamp between its aim and the texel. r₀ and α₀ are the same for the
- * centre. n is the exponent of the lamp. Returns 1 if there are no positions, and 0 if the lamp
- * does not light the centre. The picture that the lamp makes, relative to a white diffuser in the
- * centre, is ρ times this factor. */
+ * planes that face the lamp:
+ *   (r₀ / r)² (cos α / cos α₀)^n
+ *   r, r₀   distance from the lamp to the texel, and to the centre
+ *   α, α₀   angle at the lamp between its aim and the texel, and the centre
+ *   n       exponent of the lamp
+ * Returns 1 if there are no positions, and 0 if the lamp does not light the centre. The picture
+ * that the lamp makes, relative to a white diffuser in the centre, is ρ times this factor. */
 double near_field_fall_off(const struct near_field *near_field, int view, int light, int texel);
 
 /* Returns the centre of a texel on the reference plane, in the sample frame. */

@@ -163,11 +163,12 @@ struct texel_work {
     struct direction_share *back_light_shares;
     /* for each target light: whether it is beyond the limit of extrapolation in the first view */
     guint8 *clamped;
-    float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
-    guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
-    float *between; /* forward(): n_views × target lights × lanes, values interpolated over lights
-                       only; round_trip(): target lights × lanes of one measured view */
-    float *slopes;  /* gradients of values or between, in x and y */
+    float *values; /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
+    guint8 *flags; /* n_views × n_lights; NULL if all are 0 */
+    /* In forward(): n_views × target lights × lanes, values that are interpolated over lights only.
+     * In round_trip(): target lights × lanes of one measured view. */
+    float *between;
+    float *slopes; /* gradients of values or between, in x and y */
 };
 
 /* Computes ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */

@@ -26,20 +26,21 @@ struct resampler_left_out {
 struct resampler {
     const struct near_field *near; /* borrowed */
     int n_views, n_lights;         /* number of targets */
-    gboolean own;                  /* the targets are the nominal directions, in the same order */
+    /* whether the targets are the nominal directions, in the same order */
+    gboolean own;
     DirectionMesh *from_views, *from_lights; /* meshes of the measured directions */
-    /* targets, with guesses in from_views and from_lights */
+    /* the targets; their guesses are triangles of from_views and from_lights */
     struct resampler_target *views, *lights;
     DirectionMesh *to_views, *to_lights; /* meshes of the targets */
     /* points of the targets in the stereographic plane, n_views × 2 and n_lights × 2 */
     double *to_view_points, *to_light_points;
-    /* guesses for the measured directions in to_views and to_lights */
+    /* guesses of the triangles of to_views and to_lights that contain the measured directions */
     struct direction_guess *back_views, *back_lights;
-    /* left_views has one element for each measured view, whose mesh lacks this view. left_lights
-     * has one element for each measured light, whose mesh lacks this light. */
+    /* left_views has one element for each measured view; the mesh of the element lacks this view.
+     * left_lights is the same for lights. */
     struct resampler_left_out *left_views, *left_lights;
-    int left_step; /* texels with an index divisible by left_step take part in the leave-one-out
-                      test */
+    /* texels with an index divisible by left_step take part in the leave-one-out test */
+    int left_step;
 };
 
 void resampler_init(struct resampler *resampler, const struct near_field *near,
@@ -68,8 +69,9 @@ struct resampler_to {
 struct resampler_sums {
     struct resampler_from *from;
     struct resampler_to *to;
-    /* light_moved_deg: angle to the nearest measured light, averaged over the target lights and
-     * summed over texels; light_most_moved_deg: maximum of this angle */
+    /* Angle to the nearest measured light:
+     *   light_moved_deg       mean over the target lights, summed over texels
+     *   light_most_moved_deg  maximum over target lights and texels */
     double light_moved_deg, light_most_moved_deg;
     int texels, sampled; /* sampled: number of texels in the leave-one-out test */
 };

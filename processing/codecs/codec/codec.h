@@ -1,5 +1,5 @@
-/* The contract of a codec, which stores a BTF in less space. Each codec fills one constant struct
- * codec in its own folder. The array codecs[] (codecs/codecs.h) lists them all. The command line,
+/* The interface of a codec, which stores a BTF in less space. Each codec fills one constant struct
+ * codec in its own folder. The array codecs[] (codecs/codecs.h) lists all codecs. The command line,
  * material_open() and the comparisons find codecs only in that array.
  *
  * A model is the compressed form of a BTF in memory. The functions that take a const model may be
@@ -36,8 +36,8 @@ struct codec_job {
     /* keeps the state of the work, so that a later call can continue; NULL if no state is kept.
      * Only codecs with `resumable` use the checkpoint */
     Checkpoint *checkpoint;
-    /* the geometry of the BTF, for codecs with `geometric`. If it is NULL, they read that of the
-     * session btf->directory (codec_geometry.h) */
+    /* the geometry of the BTF, for codecs with `geometric`. If it is NULL, these codecs read the
+     * geometry of the session btf->directory (codec_geometry.h) */
     const struct codec_geometry *geometry;
 };
 
@@ -46,8 +46,8 @@ struct codec_job {
 struct codec_result {
     /* the model of the BTF, then the models of its mip levels; the array frees them */
     GPtrArray *levels;
-    /* Numbers of clusters and of components (terms, lobes, …), each 0 if the model has none. grid
-     * is n if the directions are an n × n grid, otherwise 0. */
+    /* Numbers of clusters and of components (terms, lobes, …). Each is 0 if the model has none.
+     * grid is n if the directions are an n × n grid, otherwise 0. */
     int clusters, components, grid;
     /* ‖A − Â‖_F / ‖A‖_F of R, G, B, where A is the BTF and Â the model as the file stores it */
     double error;
@@ -81,10 +81,10 @@ typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_poi
 /* A view and a light between the measured directions, prepared once for all texels. */
 struct codec_query {
     float view[3], light[3]; /* unit vectors above the horizon */
-    /* Indices of the measured views around the view and of the measured lights around the light,
-     * and their weights, which are above 0. The weights of the views sum to 1, those of the lights
-     * to directions_fade(). If the model has a grid(), the indices are those of samples of the
-     * grid, and both sums are those of direction_grid_weights(). */
+    /* The measured views around the view and the measured lights around the light, by index, with
+     * weights above 0. The weights of the views sum to 1, and the weights of the lights sum to
+     * directions_fade(). If the model has a grid(), the indices are those of its samples, and the
+     * weights are those of direction_grid_weights(). */
     int n_views, n_lights;
     const int *views, *lights;
     const float *view_weights, *light_weights;

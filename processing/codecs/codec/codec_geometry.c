@@ -36,7 +36,7 @@ void codec_geometry_towards(const struct btf_layout *layout, const float *positi
     ret[2] = (float)(z / length);
 }
 
-/* Copies the positions, with the means of those of each lamp. */
+/* Copies the positions of cameras and lamps. The position of a lamp is the mean over the views. */
 static void take_positions(struct codec_geometry *to, const struct near_field *from) {
     const gsize n_views = (gsize)to->n_views, n_lights = (gsize)to->n_lights;
     to->camera_mm = g_new0(float, 3 * n_views);
@@ -65,8 +65,9 @@ static int find_view(const struct direction_list *views, float theta_deg, float 
     return -1;
 }
 
-/* Adds the points that a view of the MDF saw. The point at a depth d on the ray of a texel is the
- * texel's centre − v_xy / v_z · d, at the height −d. */
+/* Adds the points that a view of the MDF saw. The point at the depth d on the ray of a texel is the
+ * texel's centre − d v_xy / v_z, at the height −d. v is the direction from the texel to the
+ * camera. */
 static void add_points(struct codec_geometry *to, const struct btf_layout *layout,
                        const struct mdf_table *table, int index) {
     const int width = table->width, n = width * table->height;

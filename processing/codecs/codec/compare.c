@@ -18,7 +18,8 @@
 #define SAME       0.01F
 #define MAX_FLOATS (32 << 20) /* maximum number of values of the pictures of a material */
 #define TIMED_US   50000      /* duration of the measurement of compare_evaluation_ns() */
-/* number of evaluations in a round of that measurement, each of a texel for a view and a light */
+/* number of evaluations in a round of compare_evaluation_ns(), each of one texel for one view and
+ * one light */
 #define TIMED 256
 
 /* Sums over the values of one view, of one light or of all views and lights. a and b are the values

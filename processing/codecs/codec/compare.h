@@ -10,7 +10,7 @@
 
 struct compare_sums {
     /* ‖A − B‖_F / ‖A‖_F of R, G, B, where A and B are the values of the materials a and b. If all
-     * values of A are 0, the error is 0 if all values of B are 0 as well, and otherwise ∞ */
+     * values of A are 0, the error is 0 if B equals A, and otherwise ∞ */
     double error;
     /* mean of |Y_A − Y_B|, where Y_A and Y_B are the luminances of A and B (Meseth et al. 2003,
      * Table 1) */

@@ -1,8 +1,8 @@
 /*
- * These functions measure the error of a codec at directions that it has not seen. Views and lights
- * of a BTF are left out, and the rest is encoded. The model is then evaluated at the directions
- * that were left out, in the same way as a renderer evaluates it between the measured directions
- * (place.h). The result is compared with the measured values. Any thread.
+ * These functions measure the error of a codec at directions that it has not seen. Some views and
+ * lights of a BTF are left out, and the remaining BTF is encoded. The model is then evaluated at
+ * the directions that were left out, in the same way as a renderer evaluates it between the
+ * measured directions (place.h). The result is compared with the measured values. Any thread.
  *
  * The error is that of the codec and of the interpolation together. If the model is the remaining
  * BTF itself (material_btf_codec), the error is that of the interpolation only.
@@ -12,8 +12,8 @@
 #include "codec_geometry.h"
 #include "compare.h"
 
-/* The views and lights that are left out, as ascending indices. If n_views is 0, all views are
- * kept, and if n_lights is 0, all lights. If both are 0, the error is that at the measured
+/* The views and lights that are left out, as ascending indices. If n_views is 0, no view is left
+ * out. If n_lights is 0, no light is left out. If both are 0, the error is that at the measured
  * directions. */
 struct held_out {
     int n_views, n_lights;
@@ -25,8 +25,8 @@ struct held_out {
 
 #define HELD_OUT_MIN_KEPT 3 /* minimum number of directions that can be triangulated */
 
-/* Returns how many of n directions are left out by default: a tenth, rounded up, or 0 if
- * HELD_OUT_MIN_KEPT would not be kept. */
+/* Returns how many of n directions are left out by default: a tenth, rounded up. Returns 0 if fewer
+ * than HELD_OUT_MIN_KEPT directions would be kept. */
 int held_out_default(gsize n);
 
 /* Draws n_views views and n_lights lights. The same seed gives the same directions. The error is
@@ -47,9 +47,11 @@ struct codec_geometry *held_out_rest_geometry(const struct codec_geometry *geome
 /* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
  * that was left out. If no view was left out, all views are compared. If no light was left out, all
  * lights are compared. views and lights of the result are in the order of held->views and
- * held->lights. If the view or the light of a pair is on or below the horizon, the value of the
- * model is 0. Progress stages are those of compare_materials(). Fails if the directions of the
- * model cannot be triangulated, if a value is infinite or NaN, or if the work is cancelled. */
+ * held->lights.
+ *
+ * If the view or the light of a pair is on or below the horizon, the value of the model is 0.
+ * Progress stages are those of compare_materials(). Fails if the directions of the model cannot be
+ * triangulated, if a value is infinite or NaN, or if the work is cancelled. */
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
 

@@ -27,7 +27,7 @@ static void btf_reconstruct(gconstpointer model, int texel, float *ret) {
 }
 
 /* Adds Σ_a Σ_b g_a h_b B(x, v_a, l_b) for each texel x, times its share. v_a and l_b are the views
- * and lights of the query, g_a and h_b their weights. */
+ * and lights of the query. g_a and h_b are their weights. */
 static void btf_evaluate(gconstpointer model, const struct codec_query *query,
                          const struct codec_texels *texels, float ret[COLOURS]) {
     const struct btf_matrix *btf = model;

@@ -5,11 +5,12 @@
 #include "btf/btf_matrix.h"
 #include "exr/exr.h"
 
-/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); the two numbers of the
- * model (int); mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error,
- * mesorig.luminance_error, texel_mm, reference_mm (double). The first number is that of the model's
- * terms or lobes, and 0 if the model has none. The second is the number of pictures that each part
- * holds, one below the other. */
+/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); two numbers of the model
+ * (int); mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error,
+ * mesorig.luminance_error, texel_mm, reference_mm (double).
+ *
+ * The first of the two numbers is the number of terms or lobes, or 0 if the model has none. The
+ * second is the number of pictures in each part, one below the other. */
 struct texel_model_head {
     const char *kind, *name;
     const char *names[2]; /* names of the attributes of the two numbers: "mesorig.terms", … */
@@ -23,8 +24,9 @@ void texel_model_write_head(const struct texel_model_head *head, const struct bt
                             struct exr_file *file);
 const char *texel_model_kind(const struct exr_file *file); /* NULL if the file has no kind */
 /* Reads and checks the attributes and the layout. path names the file in an error. The caller has
- * set head->names. file owns head->name. Returns FALSE if the file is damaged. Then either the
- * error is set, or *ret_what describes the damage and the error is not set. */
+ * set head->names. file owns head->name. Returns FALSE if the file is damaged. If an attribute is
+ * missing or has another type, the error is set. For any other damage, *ret_what describes the
+ * damage, and the error is not set. */
 gboolean texel_model_read_head(const char *path, const struct exr_file *file,
                                struct texel_model_head *head, struct btf_layout *ret_layout,
                                const char **ret_what, GError **error);

@@ -31,7 +31,8 @@ static float *map(const struct eigenmaps *maps, int term, gsize light) {
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
-/* Returns a map that may be in the file; it is then read to buffer. */
+/* Returns a map. If the maps are in the file, reads the map to buffer and returns buffer. Returns
+ * NULL with an error on failure. */
 static const float *read_values(const struct eigenmaps *maps, int term, gsize light, float *buffer,
                                 GError **error) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
@@ -81,7 +82,7 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
 }
 
 /* The W_i are orthonormal, and the part of A that the maps lack is orthogonal to them. The squares
- * of the errors therefore add, and ‖A‖² = Σ ‖E_i‖² / (1 − e²), where e is `error`. */
+ * of the two errors therefore add. ‖A‖² = Σ ‖E_i‖² / (1 − e²), where e is `error`. */
 double eigenmaps_rounded_error(const struct eigenmaps *maps, double error) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     g_autofree guint16 *halves = g_new(guint16, n);

@@ -32,8 +32,8 @@ struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
 /* Writes the eigen-maps of a BTF of one view. The BTF itself is the only term, with weight 1 and
  * without error. fill() gives the pixels of the part of one light ("E000_light_<light>") just
- * before this part is written, so that memory holds only one part. Only name and layout of maps are
- * used. */
+ * before this part is written, so that memory holds only one part. Of `maps`, only name and layout
+ * are used. */
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error);
 
@@ -77,12 +77,12 @@ double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {
-    /* maximum bytes for columns in addition to the result; at least one column is in memory. 0
-     * means EIGENMAPS_MEMORY */
+    /* maximum number of bytes for columns in addition to the result; at least one column is in
+     * memory. 0 means EIGENMAPS_MEMORY */
     gsize memory;
-    /* 0, or the largest error that is allowed. n_terms is then the maximum number of terms, and is
-     * lowered to the smallest number with which the error is at most target. If the error of
-     * n_terms terms is above target, the computation fails */
+    /* 0, or the largest error that is allowed. If it is above 0, n_terms is the maximum number of
+     * terms. n_terms is then lowered to the smallest number with which the error is at most target.
+     * If the error of n_terms terms is above target, the computation fails */
     double target;
     enum eigenmaps_method method;
     /* NULL, or a folder for an unnamed file, in which the maps are kept as floats. The method is
@@ -90,9 +90,10 @@ struct eigenmaps_options {
      * blocks, for which `memory` is the limit. The file holds up to 8 maps more than the
      * result. */
     const char *folder;
-    /* The next two are used only with `folder`. `part` must then be set. */
+    /* Used only with `folder`, and then not NULL. */
     EigenmapsPart part;
-    gboolean lights; /* TRUE: a block is a range of lights; FALSE: a range of texels */
+    /* Used only with `folder`. TRUE: a block is a range of lights; FALSE: a range of texels. */
+    gboolean lights;
 };
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
                                 EigenmapsColumn column, gpointer data, double *ret_error,

@@ -43,7 +43,7 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     return TRUE;
 }
 
-/* Gives the values of n texels of a view, whose values are in a file. */
+/* Gives the values of n texels of a view from the BTF's scratch file. */
 static gboolean give_texels(int view, gsize first, gsize n, float *ret, gpointer data,
                             GError **error) {
     const struct columns *columns = data;
@@ -102,9 +102,10 @@ static const struct option eigenmaps_codec_table[] = {
 };
 
 /* Sets the limit of memory in options. It is job->memory, less the bytes of all maps, or of one map
- * if has_target. If job->memory is 0, options->memory becomes 0, the default. If the limit does not
- * leave room for one column next to the maps, the maps are kept in a file, and half of the limit is
- * for blocks. Fails if the limit does not leave room for one column. */
+ * if has_target. If job->memory is 0, options->memory becomes 0, the default.
+ *
+ * If the limit is too small for one column next to the maps, the maps are kept in a file, and half
+ * of job->memory is for blocks. Fails if job->memory is too small for one column. */
 static gboolean limit_memory(const struct codec_job *job, gboolean has_target, int terms,
                              struct eigenmaps_options *options, char **ret_folder, GError **error) {
     const struct btf_matrix *btf = job->btf;

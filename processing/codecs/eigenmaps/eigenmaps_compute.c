@@ -39,8 +39,8 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
     return ret;
 }
 
-/* The products are computed in doubles, because AᵀA in floats would lose the last eigen-maps. CHUNK
- * rows at a time need little memory. `to` is n_columns × CHUNK. */
+/* Converts rows to doubles for the products, because AᵀA in floats would lose the last eigen-maps.
+ * Only CHUNK rows are converted at a time, to save memory. `to` is n_columns × CHUNK. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
     gsize n = MIN(CHUNK, rows - from);
     for (int c = 0; c < n_columns; c++)

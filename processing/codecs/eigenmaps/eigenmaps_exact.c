@@ -10,13 +10,13 @@ struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
     int n_views, block; /* block: number of columns in memory at a time */
-    float *columns;     /* the block's columns, rows values each, then the further column */
+    float *columns;     /* columns of the block, `rows` values each; then the further column */
     double *matrix;     /* AᵀA, n_views × n_views */
 };
 
-/* If view is −1, adds the products of the n columns of the block with each other to the matrix.
- * Otherwise, adds their products with column `view` of A, which is stored after the block. `first`
- * is the index in A of the block's first column. */
+/* If view is −1, adds to the matrix the products of the n columns of the block with each other.
+ * Otherwise, adds the products of these columns with column `view` of A, which is stored after the
+ * block. `first` is the index in A of the block's first column. */
 static void multiply(const struct gram *gram, int first, int n, int view) {
     const int all = view < 0 ? n : n + 1;
     g_autofree double *wide = g_new(double, (gsize)all *CHUNK);

@@ -10,7 +10,7 @@
 #define WORD     64    /* number of signs that are drawn at a time */
 #define LANES    8
 #define SEGMENTS 8 /* number of parts into which the rows are divided for threads */
-/* maximum oversampling: how many more directions than requested terms A is projected onto */
+/* Maximum oversampling: A is projected onto this many directions more than terms are requested. */
 #define SPARE 8
 #define SEED  0x6d65736f72696721u
 
@@ -20,7 +20,8 @@ struct eigenmaps_randomised {
     int n_views;
     float *columns; /* slots × rows: columns of A */
     int slots;
-    double *buckets;          /* SEGMENTS × SKETCH: a column of S A, as one sum for each segment */
+    /* SEGMENTS × SKETCH: a column of S A; each segment has its own sums */
+    double *buckets;
     double squares[SEGMENTS]; /* Σ of the squares of the column in each segment */
     float *sketch;            /* n_views × SKETCH: (S A)ᵀ */
     double all;               /* ‖A‖² */
@@ -29,11 +30,12 @@ struct eigenmaps_randomised {
     double *values; /* n_views: squared singular values of S A */
     int found;      /* number of directions onto which A is projected */
     float *z;       /* found × rows: A times the first directions */
-    /* found × slots: the entries of the directions for the columns in memory. Later F of
-     * rotate_segment(), terms × found */
+    /* First found × slots: the entries of the directions for the columns in memory. Later terms ×
+     * found: F of rotate_segment(). */
     float *factors;
     int loaded; /* number of columns of A in memory */
-    /* SEGMENTS × found²: ZᵀZ of each segment. Later the eigenvectors of their sum, in columns */
+    /* First SEGMENTS × found²: ZᵀZ of each segment. Later the eigenvectors of the sum of these
+     * matrices, in columns. */
     double *gram;
     /* found: eigenvalues of ZᵀZ, descending. Each is the part of ‖A‖² along one of the best
      * directions */
@@ -253,8 +255,8 @@ static gboolean project_block(struct eigenmaps_randomised *r, gsize first, gsize
     return TRUE;
 }
 
-/* Does project() and solve() with Z in a file, for blocks of as many lights or texels as fit into
- * memory. r->rows is the number of rows of a block. */
+/* Does the work of project() and solve() with Z in a file. The blocks have as many lights or texels
+ * as fit into memory. r->rows is the number of rows of a block. */
 static gboolean project_to_file(struct eigenmaps_randomised *r, GError **error) {
     const struct eigenmaps_job *job = r->job;
     const struct eigenmaps_options *options = job->options;
@@ -342,10 +344,12 @@ static gboolean take(struct eigenmaps_randomised *r, GError **error) {
     return TRUE;
 }
 
-/* Searches the smallest number of terms whose error is at most the target, and takes it. If target
- * is 0, takes all terms. The first guess follows from the singular values of the sketch. Each trial
- * projects A onto that many directions of the sketch and up to SPARE more. If the error is still
- * above the target, the next trial takes about a quarter more terms. */
+/* Searches the smallest number of terms whose error is at most the target, and takes this number.
+ * If target is 0, takes all terms.
+ *
+ * The first guess follows from the singular values of the sketch. Each trial projects A onto that
+ * many directions of the sketch and up to SPARE more. If the error is still above the target, the
+ * next trial takes about a quarter more terms. */
 static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;

@@ -32,8 +32,8 @@ gint64 hsh_bytes(const struct hsh *hsh) {
            COLOURS;
 }
 
-/* Evaluates the table of hsh.h. The azimuth φ occurs only in u and v, which need no φ at the
- * pole. */
+/* Evaluates the table of hsh.h. The azimuth φ occurs only in u and v, which are 0 at the pole,
+ * where φ is undefined. */
 void hsh_basis(const float light[3], int n_terms, float *ret) {
     const double c = MIN(MAX((double)light[2], 0), 1), w = c - c * c, x = 2 * c - 1;
     const double scale = sqrt(c / (1 + c)), u = scale * light[0], v = scale * light[1];
@@ -112,7 +112,8 @@ struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;
     float *design; /* A, the basis H_i at each light: n_lights × n_terms */
-    /* transposed pseudo-inverse A⁺ᵀ: n_lights × n_terms, for texels with values under all lights */
+    /* A⁺ᵀ, the transposed pseudo-inverse of A: n_lights × n_terms; used for texels with values
+     * under all lights */
     float *inverse;
 };
 

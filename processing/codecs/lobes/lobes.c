@@ -50,7 +50,7 @@ gint64 lobes_bytes(const struct lobes *lobes) {
 }
 
 /* The data of a computation. Each thread writes the values of its own texels to lobes->values, and
- * the elements of `done` for its blocks. */
+ * sets the elements of `done` for its blocks. */
 struct lobes_run {
     const struct btf_matrix *btf;
     const struct lobes_options *options;
@@ -59,7 +59,8 @@ struct lobes_run {
     struct lobes_start *start;
     float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
     float *polynomial;     /* POLYNOMIAL × n_lights: A⁺ of pseudo_inverse() */
-    int n_blocks, *done;   /* done: for each block of texels 1 if the block is fitted, else 0 */
+    /* done: for each block of texels, 1 if the block is fitted, otherwise 0 */
+    int n_blocks, *done;
 };
 
 /* Finds the X of least norm that minimises ‖A X − B‖². A has the row (lx², ly², lx ly, lx, ly, 1)
@@ -225,8 +226,8 @@ static void colour_facet(const struct lobes_run *run, int texel, float *values) 
     }
 }
 
-/* Fits the texels of a block, unless the checkpoint has their values. The rows of a block are in
- * the order texel, slice. The values of lobes.h are in the order slice, texel. */
+/* Fits the texels of a block. Does nothing if the checkpoint has their values. The rows of a block
+ * are in the order texel, slice. The values of lobes.h are in the order slice, texel. */
 static void fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;

@@ -65,11 +65,11 @@ struct lobes {
     int n_lobes;  /* k, 1 … LOBES_MAX_LOBES for fields and lafortune; otherwise 0 */
     int n_slices; /* n_views for fields and ptm, otherwise 1 */
     int n_values; /* number of values of each texel in a slice */
-    /* n_slices × height × width × n_values, in the order: R G B of the colour, then
-     *   fields     k × X Y Z N
-     *   ptm        C0 … C5
-     *   lafortune  D, k × X Y Z N
-     * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
+    /* n_slices × height × width × n_values, in the order:
+     *   fields          R G B of the colour, k × X Y Z N
+     *   ptm             R G B of the colour, C0 … C5
+     *   lafortune       R G B of the colour, D, k × X Y Z N
+     *   ward, ashikhmin R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
     float *values;
     /* error            relative RMS error of R, G, B against the encoded BTF
      * luminance_error  mean of |Y − Ŷ| (Meseth et al. 2003, Table 1)

@@ -13,8 +13,8 @@
 #define LN2      0.69314718F
 #define TINY     1e-20F
 
-/* Sums over all samples (pairs of a view and a light) for one set of parameters. r = y − f are the
- * residuals of the luminance y, and J the derivatives of the model f. */
+/* Sums over all samples (pairs of a view and a light) for one set of parameters. r = y − f is the
+ * residual of the luminance y, and J has the derivatives of the model f. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
@@ -28,7 +28,8 @@ struct prepared_lobe {
 };
 struct prepared_facet {
     lanes frame[3][3]; /* unit vectors t, b, n */
-    /* [i]: derivatives of t, b, n with respect to parameter i: slope a, slope b, angle ψ */
+    /* [i]: derivatives of t, b, n with respect to parameter i (0: slope a, 1: slope b, 2: angle
+     * ψ) */
     lanes turns[3][3][3];
     /* scale_u, scale_v: derivatives of log scale with respect to log U and log V */
     lanes u, v, diffuse, specular, scale, scale_u, scale_v;
@@ -413,22 +414,24 @@ LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal
 /* The state of the eight problems that are being solved, one in each lane. */
 struct state {
     const struct lobes_fit *fit;
-    /* n: number of parameters; samples: n_views × n_lights; next: index of the problem that the
-     * next free lane gets */
+    /* n        number of parameters
+     * samples  n_views × n_lights
+     * next     index of the problem that the next free lane gets */
     int n, samples, next, n_problems;
     const float *rows;
     float *parameters, *costs;
     lanes *values; /* samples × LANES values y, NaN if missing */
-    /* p: parameters found so far, with the sums `at`; trial: parameters that are tried, with the
-     * sums `tried`; peak: maximum amplitude of a lobe */
+    /* p        best parameters so far, with the sums `at`
+     * trial    parameters that are tried, with the sums `tried`
+     * peak     maximum amplitude of a lobe */
     lanes p[P], trial[P], damping, peak;
     struct normal at, tried;
-    /* problem: index of the problem in each lane, −1 if there are no more */
+    /* problem: index of the problem in each lane; −1 if no problem is left for it */
     int problem[LANES], steps[LANES];
     gint64 all_steps;
 };
 
-/* Gives a lane the next problem, whose first point is accepted unconditionally. */
+/* Gives a lane the next problem. The first point of a problem is always accepted. */
 static void load(struct state *state, int lane) {
     const int problem = state->next < state->n_problems ? state->next++ : -1;
     const float *row = state->rows + (gsize)MAX(problem, 0) * (gsize)state->samples;

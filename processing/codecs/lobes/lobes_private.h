@@ -29,10 +29,10 @@ struct lobes_fit {
 /* Returns the number of parameters of one problem. */
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
-/* Solves n problems. rows: luminances, n × n_views × n_lights; NaN for missing values. parameters:
- * n × lobes_fit_parameters(), initial values before the call, the result after it. ret_costs: the
- * sum of squared residuals of each problem; may be NULL. Returns the number of steps in all
- * problems together. */
+/* Solves n problems. Returns the number of steps in all problems together.
+ * - rows: luminances, n × n_views × n_lights; NaN for missing values
+ * - parameters: n × lobes_fit_parameters(); the initial values before the call, the result after it
+ * - ret_costs: the sum of squared residuals of each problem; may be NULL */
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 

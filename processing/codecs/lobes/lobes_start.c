@@ -143,8 +143,8 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
     }
 }
 
-/* Finds the diffuse lobe g: the g whose products g · l are nearest to the values of the lights l
- * (least squares). If g is small or points below the horizon, it becomes (0, 0, mean). */
+/* Finds the diffuse lobe g by least squares: the products g · l are nearest to the values of the
+ * lights l. If g is small or points below the horizon, it becomes (0, 0, mean). */
 static void find_diffuse(const struct lobes_start *start, const float *lights, float mean,
                          float ret[3]) {
     cblas_sgemv(CblasColMajor, CblasNoTrans, 3, start->fit->n_lights, 1, start->planes, 3, lights,
