@@ -3,15 +3,16 @@
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * The texels are clustered in a space of fewer dimensions. The coordinates of a texel are those
- * along the principal axes of its cluster in this space. The w_i of the cluster are linear
- * combinations of these coordinates. The E_i have all dimensions, and are the best E_i for these
- * w_i. Reading the BTF twice is therefore sufficient. For packed local PCAs, as in the paper,
- * w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the
- * mean of cluster k and has the weight 1 (§4 of the paper omits it from its sum). Values contain
- * n·l. The E_{i,k}, i ≥ 1, are orthonormal and sorted by the variance that they explain. The first
- * ones are therefore the best choice for a smaller number of components. The E_{i,k} that a cluster
- * does not need are 0.
+ * E_{0,k} is the mean of cluster k and has the weight 1 (§4 of the paper omits it from its sum).
+ * Values contain n·l. The E_{i,k}, i ≥ 1, are orthonormal and sorted by the variance that they
+ * explain. The first ones are therefore the best choice for a smaller number of components. The
+ * E_{i,k} that a cluster does not need are 0.
+ *
+ * The texels are clustered in a space of fewer dimensions. In this space, a texel has coordinates
+ * along the principal axes of its cluster. The w_i are linear combinations of these coordinates.
+ * The E_i have all dimensions, and are the best E_i for these w_i. The BTF is therefore read only
+ * twice. For packed local PCAs the BTF is read a third time, and the w_i are those of the paper:
+ * w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -104,7 +105,7 @@ struct lpca_options {
     enum lpca_colours colours;
     /* maximum bytes of memory in addition to the BTF's values; 0 if not limited */
     gint64 memory;
-    /* processes that share the work, or NULL if this process works without others */
+    /* processes that share the work; NULL if this process works alone */
     const struct team *team;
     /* whether lpca_pack.h will pack the result, which may then have LPCA_MAX_PACKED components */
     gboolean to_pack;
@@ -122,16 +123,20 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
  * Clusters that are not needed are left out: a constant material has one. The result does not
  * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights"
- * (only with to_pack) and "check" (only if errors are measured). With a target, computes local PCAs
- * of 1, 2, 4, … components until one reaches the target, and then finds the smallest number of
- * components that reaches it. If the target is not reached with n_components, returns NULL, and the
- * message says how large the error with n_components is. Also fails if the BTF is empty, too large
- * or has a value that is not finite, if options give impossible numbers or too little memory, or if
- * the work is cancelled.
+ * (only with to_pack) and "check" (only if errors are measured).
  *
- * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
- * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
- * ranks. The other numbers of the result depend on the number of ranks, because the sums of the
+ * With a target, computes local PCAs of 1, 2, 4, … components until one reaches the target. Then
+ * finds the smallest number of components that reaches it. If the target is not reached with
+ * n_components, returns NULL, and the message says how large the error with n_components is.
+ *
+ * Also returns NULL with an error if
+ * - the BTF is empty, too large or has a value that is not finite
+ * - options give impossible numbers or too little memory
+ * - the work is cancelled.
+ *
+ * With a team, every rank calls this function with its own part of the texels (TEAM_ROWS) as the
+ * rows of btf->values, and all ranks get the whole result. The clusters do not depend on the number
+ * of ranks. The other numbers of the result depend on the number of ranks, because the sums of the
  * ranks are rounded differently. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);

@@ -54,8 +54,8 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Returns whether the state `found` was saved by the same call, and the checkpoint has all arrays
- * of its stage. */
+/* Returns whether the state `found` belongs to a call with the same arguments, and the checkpoint
+ * has all arrays of the stage of `found`. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;

@@ -4,16 +4,17 @@
 #include "btf/btf_checkpoint.h"
 #include "lpca_private.h"
 
-#define PATIENCE                                                                                   \
-    2 /* maximum number of consecutive tries with more clusters that bring no improvement */
+/* maximum number of consecutive tries with more clusters that bring no improvement */
+#define PATIENCE 2
 
 /* The state of a choice. The checkpoint stores it byte by byte. */
 struct choice {
     struct lpca_target target;
-    /* clusters: number to try next; worse: number of consecutive tries without improvement */
+    /* clusters  number of clusters to try next
+     * worse     number of consecutive tries without improvement */
     gint32 clusters, worse;
-    /* best: the best result so far; nearest: the smallest error of the results that do not reach
-     * the target */
+    /* best     the best result so far
+     * nearest  of the results that do not reach the target, the one with the smallest error */
     struct lpca_nearest best, nearest;
 };
 
@@ -64,7 +65,7 @@ static gint64 most_bytes(const struct choosing *choosing) {
 }
 
 /* Returns the maximum number of components with which the next model takes at most most_bytes().
- * Returns 0 if not even one component fits. */
+ * Returns 0 if one component already takes more. */
 static int max_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
@@ -93,9 +94,9 @@ static struct lpca *not_reached(const struct choosing *choosing, GError **error)
     return NULL;
 }
 
-/* Tries choice->clusters clusters. *choice, which the checkpoint saves, is only updated when the
- * try is complete. If memory is not sufficient, the search ends with the best result so far, if
- * there is one. */
+/* Tries choice->clusters clusters. The checkpoint saves *choice, which is updated only when the try
+ * is complete. If memory is not sufficient, the search ends with the best result so far. Fails if
+ * there is no earlier result. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;

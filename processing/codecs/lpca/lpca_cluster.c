@@ -329,8 +329,8 @@ static void drop_empty(struct lpca_reduced *reduced) {
     reduced->k = kept;
 }
 
-/* Stores in run->state, which the checkpoint saves, the iteration that comes next. before is the
- * sum of errors of the iteration before. */
+/* Stores the number of the next iteration in run->state, which the checkpoint saves, with the
+ * number of clusters. before is the sum of errors of the iteration before. */
 static void keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
     if (!run)
@@ -357,11 +357,13 @@ static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint
     return ok;
 }
 
-/* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until an
- * iteration lowers the sum of errors by a share of less than SETTLED, or MEANS_ITERATIONS +
- * MAX_ITERATIONS have been made. Then finds the exact axes and drops empty clusters. Fails only if
- * the work is cancelled. Begins with iteration number `from`. `before` is the sum of errors of the
- * iteration before, or G_MAXDOUBLE at the start. */
+/* Lloyd's iteration, first as k-means and then as local PCA. Each iteration assigns the rows and
+ * then finds means and axes. The iterations end when one lowers the sum of errors by a share of
+ * less than SETTLED, or after MEANS_ITERATIONS + MAX_ITERATIONS. Then finds the exact axes and
+ * drops empty clusters.
+ *
+ * Begins with iteration number `from`. `before` is the sum of errors of the iteration before, or
+ * G_MAXDOUBLE at the start. Returns FALSE only if the work is cancelled. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();

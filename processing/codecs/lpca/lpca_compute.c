@@ -10,7 +10,7 @@
 
 #define SEED    7
 #define SAMPLES 768 /* minimum number of texels whose span is used for clustering */
-#define REDUCED 128 /* minimum number of dimensions of that span */
+#define REDUCED 128 /* minimum number of dimensions of the space in which texels are clustered */
 #define TILE    128 /* rows and columns of the Gram matrix that are computed at a time */
 #define STRIP   256 /* columns of the axes that are computed at a time */
 #define COLOURS 3

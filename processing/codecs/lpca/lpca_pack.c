@@ -118,7 +118,7 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
 
 /* Computes the eigenvectors of the symmetric matrix sums. Only the upper half of sums is given. Row
  * i of ret is the eigenvector with the i-th largest eigenvalue, rounded to half floats. If the
- * LAPACK function fails, the rows of ret are unit vectors along the axes. */
+ * LAPACK function fails, each row of ret is a unit vector along an axis, or 0. */
 static void principal(const float *sums, int n, float *ret) {
     g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
     for (int i = 0; i < n * n; i++)
@@ -307,8 +307,9 @@ static gboolean is_used(const float *values, gsize n, double step) {
     return FALSE;
 }
 
-/* Returns the number of components, at least 1, that are kept: those up to the last one with a
- * weight and a table value that do not round to 0. */
+/* Returns the number of components that are kept, at least 1. All components after the last one
+ * that is needed are left out. A component is needed if some of its weights, and some values of its
+ * tables, do not round to 0. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
@@ -320,8 +321,8 @@ static int used_components(const struct lpca_packer *packer, double step) {
     return 1;
 }
 
-/* Gives how many view axes and how many light axes are kept, at least 1 of each, if the first
- * `components` components are kept. On all later axes, every number rounds to 0. */
+/* Gives the numbers of view axes and of light axes that are kept, at least 1 of each, if the first
+ * `components` components are kept. On all axes that are left out, every number rounds to 0. */
 static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
                       int *ret_lights) {
     const struct lpca *lpca = packer->lpca;

@@ -18,8 +18,8 @@
 /* The state of the search. The checkpoint stores it byte by byte. */
 struct packing {
     struct lpca_target target;
-    /* n: number of components that is being tried; made: 1 if their local PCA is computed and in
-     * the checkpoint, else 0 */
+    /* n     number of components that is being tried
+     * made  1 if the local PCA of n components is computed and in the checkpoint, otherwise 0 */
     gint32 n, made;
     double exact;        /* lpca_error() with n components before rounding */
     double found[TRIES]; /* lpca_error() for each step that was tried; 0 if not tried yet */
@@ -31,8 +31,8 @@ struct search {
     const struct lpca_target *target;
     int most;     /* maximum number of components */
     double exact; /* lpca_error() before rounding */
-    /* with a target error, the smallest error that was found; with a target size, the last size of
-     * a file that was too large */
+    /* With a target error, the smallest error that was found. With a target size, the size of the
+     * last file that was too large. */
     double nearest;
     struct packing packing;
 };
@@ -74,8 +74,8 @@ static double guess_step(const struct search *search, double step, double found)
 }
 
 /* Finds the coarsest step that reaches the error. fine and coarse bracket the step. Returns NULL
- * with an error if the error of a result cannot be measured, or without an error if no step reaches
- * the target. */
+ * without an error if no step reaches the target. Returns NULL with an error if the error of a
+ * result cannot be measured. */
 static struct lpca *by_error(struct search *search, const struct lpca_packer *packer, double mean,
                              GError **error) {
     double fine = mean * FINE, coarse = mean * COARSE;
@@ -140,8 +140,9 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
-/* Returns a packed local PCA of n components. *ret_exact is the local PCA before rounding, or NULL
- * with an error. Returns NULL without an error if the target is not reached. */
+/* Returns a packed local PCA of n components. Returns NULL without an error if the target is not
+ * reached. *ret_exact is the local PCA before rounding. If it cannot be computed, *ret_exact and
+ * the result are NULL, with an error. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;

@@ -39,8 +39,9 @@ struct lpca_reduced {
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* gives threads, progress, cancellable and team */
     struct lpca_run *run; /* the run whose checkpoint saves the state of the clustering, or NULL */
-    /* k: requested number of clusters, which lpca_cluster() lowers to the number of clusters that
-     * have rows; c: number of components */
+    /* k  requested number of clusters, which lpca_cluster() lowers to the number of clusters that
+     *    have rows
+     * c  number of components */
     int k, c;
     int *labels;  /* n: cluster of each row */
     float *means; /* k × r: mean of each cluster */
@@ -75,8 +76,8 @@ struct lpca_state {
     gint32 stage;                                            /* enum lpca_stage */
     gint32 c, k;      /* c: present number of components; k: number of clusters that are left */
     gint32 iteration; /* number of the next iteration of clustering */
-    /* few: the largest number of components known to miss the target; enough: the smallest number
-     * known to reach the target; each is 0 if none is known */
+    /* few     the largest number of components known to miss the target; 0 if none is known
+     * enough  the smallest number known to reach the target; 0 if none is known */
     gint32 few, enough;
     gint32 unused;       /* padding, so that the doubles are aligned */
     double target;       /* argument of the call */
@@ -105,8 +106,9 @@ enum lpca_kept {
 struct lpca_run {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    /* n: number of texels; d: number of values of a texel; columns: number of values of a texel in
-     * one view */
+    /* n        number of texels
+     * d        number of values of a texel
+     * columns  number of values of a texel in one view */
     int n, d, columns;
     int first, end;
     float *mean; /* d: mean of the sample, which is subtracted from the texels' values */

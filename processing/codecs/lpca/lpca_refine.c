@@ -30,7 +30,8 @@ struct refine {
     /* if TRUE, W = X Eᵀ, for which the BTF is read once more; otherwise W follows from P */
     gboolean weigh;
     double *squares; /* views × clusters: Σ ‖x − run->mean‖² of the rows x in a view */
-    /* c × c per cluster; one after the other PᵀP, the matrix that turns P into W, Σ w wᵀ and Uᵀ */
+    /* c × c per cluster. Holds one after the other PᵀP, the matrix that turns P into W, Σ w wᵀ and
+     * Uᵀ. */
     double *rotations;
     /* two per cluster: ‖X − W E‖², and Σ ‖x‖² of the rows x themselves */
     double *residual;
@@ -98,8 +99,8 @@ static void add_rows(const float *rows, int n, gsize columns, float *part, doubl
         sums[j] += part[j];
 }
 
-/* Sums a view's columns over the rows of each cluster, once unchanged and once times the rows'
- * products with the axes. The mean of these products is 0, so that the cluster's mean need not be
+/* For each cluster, sums the rows of a view over its texels, and sums the rows times their products
+ * with each axis. The mean of these products is 0, so that the cluster's mean need not be
  * subtracted from the rows. */
 static void sum_view(int view, gpointer data) {
     const struct refine *refine = data;
@@ -178,9 +179,9 @@ static void solve_products(double *squares, double *y, int c) {
         memset(y, 0, sizeof(double) * (gsize)c * (gsize)c);
 }
 
-/* P are the products of the cluster's rows X with its axes; PᵀX is known. The best approximation of
- * X by P is P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, the matrix that turns P into W, and
- * the residual. */
+/* Finds the eigen-BRDFs E of cluster k, the matrix that turns P into W, and the residual. P are the
+ * products of the cluster's rows X with its axes, and PᵀX is known. The best approximation of X by
+ * P is P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). */
 static void solve_cluster(const struct refine *refine, int k) {
     const int c = refine->lpca->n_components, d = refine->run->d;
     const gsize square = (gsize)c * (gsize)c;

@@ -11,7 +11,7 @@
 #define COLOURS 3
 #define BLOCK   8 /* number of texels that a thread compares at a time */
 
-/* Returns a copy with room for eigen-BRDFs on the grid. brdfs is NULL if there is not enough
+/* Returns a copy whose brdfs have the size for the grid. brdfs is NULL if there is not enough
  * memory. */
 static struct lpca *like(const struct lpca *lpca, int n_grid) {
     const gsize texels = btf_layout_texels(&lpca->layout);
