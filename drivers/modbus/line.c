@@ -24,8 +24,8 @@
  * waits until the deadline, because the host may be far away. */
 #define QUICK_CONNECT_US 400000
 #define PATIENT_EVERY    8
-/* Silence after which a damaged answer is complete. It is longer than 3.5 characters at 300
- * baud. */
+/* Silence, in ms, after which no more bytes of a damaged answer are expected. It is longer than 3.5
+ * characters at 300 baud. */
 #define SILENCE_MS 20
 
 struct modbus_line {
@@ -310,7 +310,8 @@ static char *request_text(const struct modbus_line *line, int unit,
                            request->address, (guint)request->address);
 }
 
-/* Returns whether the reply is damaged, or comes from another unit or transaction. */
+/* Returns whether the errno `why` means that the reply is damaged, or comes from another unit or
+ * transaction. */
 static gboolean is_damage(int why) {
     return why == EMBBADCRC || why == EMBBADDATA || why == EMBBADSLAVE || why == EMBBADEXC ||
            why == EMBUNKEXC || why == EMBMDATA;
@@ -320,7 +321,8 @@ static gboolean is_exception(int why) {
     return why >= EMBXILFUN && why <= EMBXGTAR;
 }
 
-/* Returns whether the unit is busy (exceptions 5 and 6), so that a repetition may succeed. */
+/* Returns whether the errno `why` means that the unit is busy (exceptions 5 and 6). A repetition
+ * may then succeed. */
 static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }

@@ -1,4 +1,4 @@
-/* A request to a unit of a Modbus line, and its counters. Plain data. */
+/* A request to a unit of a Modbus line, and the fault counters of a line. Plain data. */
 #pragma once
 
 #include "link.h"

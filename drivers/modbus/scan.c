@@ -92,7 +92,8 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
                     : "other registers and coils than the first");
     struct found *found = found_add(to, "modbus", address, what, NULL);
     g_autoptr(GString) section = g_string_new(NULL);
-    /* Relay boards also have registers, for their settings. Most drives have no coils. */
+    /* A unit with coils is taken as a relay board, even if it has registers: relay boards have
+     * registers for their settings, and most drives have no coils. */
     const gboolean relays = coils > 0;
     g_string_append(section, relays ? "[lamps NAME]\ndriver = modbus-relays\n"
                                     : "[axis NAME]\ndriver = modbus-axis\n");

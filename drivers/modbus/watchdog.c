@@ -19,7 +19,8 @@ gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
 
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes) {
-    /* The cost of one lost answer (see line.c): timeout_ms, and late_ms of silence twice. */
+    /* The time in s that one lost answer takes (line.c): timeout_ms, and late_ms of silence
+     * twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, min_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)

@@ -1,12 +1,14 @@
 /*
  * Lamps behind an Art-Net node.
  *
- * Art-Net has no answer to levels. A node only says that it is there, which universes it has, and
- * what their outputs do (ArtPoll). A command is therefore confirmed by an answer to an ArtPoll that
- * was sent after the levels. The answer does not name its ArtPoll, and a node may wait for a second
- * before it answers. Each answer therefore counts for the oldest ArtPoll that may still be
- * answered, so that no old answer confirms a new command. After a lost packet a command needs a
- * further ArtPoll for each packet that was lost.
+ * Art-Net has no answer to levels. A node only answers an ArtPoll. The answer says that the node is
+ * there, which universes it has, and what its outputs do. A command is therefore confirmed by an
+ * answer to an ArtPoll that was sent after the levels.
+ *
+ * The answer does not name its ArtPoll, and a node may wait for a second before it answers. Each
+ * answer therefore counts for the oldest ArtPoll that may still be answered, so that no old answer
+ * confirms a new command. After a lost packet a command needs a further ArtPoll for each packet
+ * that was lost.
  */
 #include "artnet_socket.h"
 #include "devices.h"
@@ -14,8 +16,8 @@
 #include "udp.h"
 
 #define N_POLLS         4    /* requests that may be unanswered at the same time */
-#define POLL_MS         200  /* between two requests while a command waits */
-#define POLL_LIT_MS     1000 /* between two requests while a lamp is lit */
+#define POLL_MS         200  /* time between two requests while a command waits */
+#define POLL_LIT_MS     1000 /* time between two requests while a lamp is lit */
 #define ANSWERED_MS     1200 /* a node answers within 1 s, or never */
 #define OPEN_ANSWER_MS  4000
 #define CLOSE_ANSWER_MS 600

@@ -16,7 +16,7 @@ typedef void (*ArtnetFunc)(const struct artnet_reply *reply, gpointer data);
 ArtnetSocket *artnet_socket_get(guint32 local_address, GError **error);
 void artnet_socket_unref(ArtnetSocket *socket); /* NULL is ignored */
 
-/* Sets that func is called for each reply that comes from the address `node`. */
+/* Makes the socket call func for each reply that comes from the address `node`. */
 void artnet_socket_listen(ArtnetSocket *socket, guint32 node, ArtnetFunc func, gpointer data);
 /* Removes all listeners with this data. */
 void artnet_socket_unlisten(ArtnetSocket *socket, gpointer data);

@@ -8,8 +8,8 @@
 
 #define COMMAND_MS 1500 /* deadline of a command */
 #define TICK_MS    10   /* period of the timer while a command is under way */
-#define LOST_MS    3000 /* time after which receivers that were not heard are lost */
-#define WAIT_MS    5    /* between two looks of a function that waits */
+#define LOST_MS    3000 /* silence of the receivers after which they count as lost */
+#define WAIT_MS    5    /* pause between two checks of a function that waits */
 
 struct command {
     int index; /* -1: all lamps */
@@ -46,8 +46,8 @@ static int n_channels(const struct dmx *dmx) {
                          : n_level_channels(dmx) + dmx->n_same + dmx->other_values.n;
 }
 
-/* Returns the position of a lamp: its universe, and its first channel from 0. A lamp is in one
- * universe. */
+/* Returns the position of the universe of a lamp. *ret_channel is the first channel of the lamp,
+ * from 0. All channels of a lamp are in one universe. */
 static int position(const struct dmx *dmx, int index, int *ret_channel) {
     const int width = MIN(n_channels(dmx), DMX_CHANNELS); /* dmx_check() refuses more */
     const int n_first = (DMX_CHANNELS - dmx->start + 1) / width;
@@ -332,7 +332,8 @@ static struct command *add(struct dmx *dmx, int index, gboolean on) {
     return command;
 }
 
-/* Ends each "on" that an "off" has overtaken. Its levels are not sent any more. */
+/* Ends each "on" that an "off" of the same lamp has replaced before it was confirmed. Its levels
+ * are not sent any more. */
 static void overtake(struct dmx *dmx, int index) {
     for (GList *l = dmx->commands.head; l; l = l->next) {
         struct command *command = l->data;

@@ -113,8 +113,8 @@ int dmx_count_universes(const struct dmx *dmx);
 /* Returns whether all levels are 0. */
 gboolean dmx_is_dark(const struct dmx *dmx);
 
-/* Prepares the state. The driver then opens its socket and calls dmx_start(). If either of these
- * fails, the driver calls dmx_leave(). */
+/* Prepares the state. The driver then opens its socket and calls dmx_start(). If the socket cannot
+ * be opened, or if dmx_start() fails, the driver calls dmx_leave(). */
 void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *bank);
 /* Locks each resource that dmx_protocol.unit() names for the universes. */
 gboolean dmx_lock(struct dmx *dmx, GError **error);

@@ -134,8 +134,8 @@ static const struct dmx_protocol protocol = {
     .silence = silence,
 };
 
-/* Names the source. The CID is the same for all programs of this computer, and after a restart: a
- * UUID of version 5 of the computer. */
+/* Sets the name and the CID of the source. The CID is a UUID of version 5 that is made from the
+ * machine ID of this computer. It is therefore the same for all programs, and after a restart. */
 static void name_source(struct sacn_lamps *lamps) {
     struct sacn_source *source = &lamps->source;
     g_autofree char *machine = NULL;

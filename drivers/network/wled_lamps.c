@@ -22,8 +22,8 @@
 #define DNRGB           4
 #define DARK_S          3 /* time without levels after which WLED returns to its own state */
 #define LEDS_IN_FRAME   170
-#define LIT_MS          1000 /* between two requests while a lamp is lit */
-#define AGAIN_MS        100  /* before a request is repeated */
+#define LIT_MS          1000 /* time between two requests while a lamp is lit */
+#define AGAIN_MS        100  /* time before a request is repeated */
 #define OPEN_ANSWER_MS  4000
 #define CLOSE_ANSWER_MS 1000
 

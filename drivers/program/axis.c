@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#define POLL_US  (100 * 1000) /* time between two questions while the axis moves */
+#define POLL_US  (100 * 1000) /* time between two "get" while the axis moves */
 #define CLOSE_MS 500          /* longest time that close() waits for the answer to "stop" */
 #define MAX_DEG  1e9
 

@@ -118,7 +118,8 @@ gboolean program_camera_arm(Camera *camera, GError **error) {
     return TRUE;
 }
 
-/* A program that understands "stop" gives the picture up. It may first end a read-out. */
+/* If the program understands "stop", tells it to give up the picture. The program may first end a
+ * read-out. */
 void program_camera_disarm(Camera *camera) {
     struct program_camera *priv = camera->device.priv;
     program_overtake(priv->program, priv->n_triggers);

@@ -62,8 +62,9 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
     lamps_report(bank, index, on, error);
 }
 
-/* Reports the lamps as lost if no request has failed because of the loss, or if a lamp is still
- * LIGHT_ON. When the request to a lamp has failed, the class itself repeats "off" (lights.h). */
+/* If requests have failed because of the loss (answered), the class itself repeats "off" for the
+ * lamps of these requests (lights.h). If no request has failed, or if a lamp is still LIGHT_ON,
+ * reports the lamps as lost. */
 static void on_lost(const GError *error, gboolean answered, gpointer data) {
     LampBank *bank = data;
     gboolean any = !answered;

@@ -1,12 +1,13 @@
 /*
- * Runs a program that is a device (program.h), with few rights, and ends it in any case:
+ * Runs a program that is a device (program.h), with few rights, and makes sure that it ends:
  * mesorig-run-program PROGRAM [ARGUMENT]…. Standard input and output are those of the program.
  * Descriptor 3 is a socket to the process that started this runner.
  *
  * The runner waits until the program ends. If the runner reads a byte from the socket, it kills the
  * program and all that the program has started. If the other end of the socket is closed, the
- * program first has GRACE_MS to make its device safe. The other end of the socket reads end-of-file
- * when the runner and everything that the program has started have ended.
+ * program has GRACE_MS to make its device safe, and is then killed in the same way. The other end
+ * of the socket reads end-of-file when the runner and everything that the program has started have
+ * ended.
  *
  * The program leads its own process group, and the runner leads its own session, so that Ctrl-C in
  * a terminal reaches neither of them.

@@ -35,8 +35,8 @@ struct message {
 gboolean message_read(const char *line, gsize length, struct message *ret, GError **error);
 void message_clear(struct message *message);
 
-/* Returns a request as a line with its end. Takes ownership of params, which may be NULL. Free it
- * with g_free(). */
+/* Returns a request as a line with its end. deadline_ms is the time that the program has for its
+ * answer. Takes ownership of params, which may be NULL. Free the line with g_free(). */
 char *message_write(guint64 id, const char *method, gint64 deadline_ms, JsonObject *params);
 
 /* The following functions read a value of an answer. The error says what is missing or wrong. */
@@ -53,8 +53,8 @@ gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean 
 gboolean message_integers(JsonObject *values, const char *name, gint64 min, gint64 max,
                           gint64 **ret, int *ret_n, GError **error);
 
-/* Returns the text with this name as one line of at most 300 bytes, the rest being left out, or ""
- * if there is none. Free it with g_free(). */
+/* Returns the text with this name as one line, shortened to 300 bytes. Returns "" if there is none.
+ * Free it with g_free(). */
 char *message_text(JsonObject *values, const char *name);
 
 /* Returns whether the value with this name is an array that contains a text. */

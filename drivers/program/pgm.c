@@ -59,8 +59,8 @@ gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits
                             brightest, bits);
 }
 
-/* Reads the bytes of an open file, at most max. Returns NULL on failure. Free the bytes with
- * g_free(). */
+/* Reads the bytes of an open file, but no more than max. Returns NULL on failure. Free the bytes
+ * with g_free(). */
 static guint8 *read_bytes(int fd, gsize max, gsize *ret_n) {
     guint8 *bytes = g_try_malloc(MAX(max, 1));
     gsize n = 0;

@@ -4,8 +4,8 @@
 
 #include "drivers/frame.h"
 
-/* Reads width × height values, each of at most bits bits, from the bytes of a file. pixels has room
- * for them, top row first. If the file ends early, *ret_complete is FALSE and the missing pixels
+/* Reads width × height values, each of at most `bits` bits, from the bytes of a file. pixels gets
+ * the values, top row first. If the file ends early, *ret_complete is FALSE and the missing pixels
  * are 0. */
 gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits, guint16 *pixels,
                    gboolean *ret_complete, GError **error);

@@ -18,7 +18,7 @@ enum state {
     DOWN,     /* there is no process */
     STARTING, /* "hello" and "open" are not answered yet */
     READY,
-    ENDING, /* the process was killed or has ended, and its end was not seen yet */
+    ENDING, /* the process was killed or has ended, and on_end() was not called yet */
 };
 
 struct call {
@@ -248,8 +248,8 @@ static void pump(Program *program) {
         send_call(g_queue_pop_head(queue));
 }
 
-/* Ends all calls with the error program->failure. If the program was ready, then tells the
- * listener that it is lost. */
+/* Ends all calls with the error program->failure. If the program was ready, then tells the listener
+ * that the program is lost. */
 static void tell_failure(Program *program, gboolean was_ready) {
     g_autoptr(Program) guard = ref(program);
     g_autoptr(GError) error = g_steal_pointer(&program->failure);

@@ -64,8 +64,8 @@ struct program_answer {
     gboolean overtaken;  /* program_overtake() was called after the request was sent */
 };
 
-/* Called once for each request, from the main loop, unless the program is closed before. It may
- * close the program. */
+/* Called from the main loop, once for each request. It is not called after program_close(). The
+ * function may close the program. */
 typedef void (*ProgramAnswer)(const struct program_answer *answer, gpointer data);
 
 struct program_request {
@@ -74,8 +74,8 @@ struct program_request {
     int timeout_ms;     /* longest time until the answer; 0 means PROGRAM_ANSWER_MS */
     enum program_turn turn;
     /* After the answer, the program is asked with "get". The answer to this "get" becomes the
-     * answer of the request. Requests with read_back and PROGRAM_FIRST are answered in the order in
-     * which they were made. */
+     * answer of the request. Requests that have both read_back and PROGRAM_FIRST are answered in
+     * the order in which they were made. */
     gboolean read_back;
     int tag; /* chosen by the driver, and repeated in the answer */
 };

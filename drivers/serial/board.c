@@ -600,7 +600,7 @@ void gcode_client_free(GcodeClient *client) {
         return;
     GcodeBoard *board = client->board;
     g_ptr_array_remove(board->clients, client);
-    if (board->active == client) { /* its motion was stopped, or could not be */
+    if (board->active == client) { /* close() has already tried to stop its motion */
         board->active = NULL;
         if (board->phase == RUNNING)
             board->phase = READY;

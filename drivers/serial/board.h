@@ -119,8 +119,8 @@ gboolean gcode_client_stop(GcodeClient *client, double brake_s, GError **error);
  * close() of a device. */
 void gcode_client_stop_now(GcodeClient *client, double brake_s);
 
-/* Sets whether the axis is watched: its position is known, and lost() is called if it becomes
- * unknown. */
+/* Sets whether the axis is watched. The position of a watched axis is known, and lost() is called
+ * if it becomes unknown. */
 void gcode_client_watch(GcodeClient *client, gboolean watched);
 
 /* Calls lost() soon, if the axis is watched. Takes ownership of error. */

@@ -25,6 +25,7 @@
 #define N_OTHER   4
 #define MOVE_LINE "G21G90G94G53G1%c%.4fF%.4f"
 
+/* Stages of a phase (enum phase). A phase is named where a stage belongs to this phase only. */
 enum stage {
     ASKING,    /* GREETING: the first answer is due */
     SETTINGS,  /* GREETING: the settings are read */
@@ -210,7 +211,7 @@ static gboolean is_final(GcodeBoard *board) {
     return board->n_final >= N_FINAL;
 }
 
-/* Moves watched axes back that homing has moved. Returns FALSE if there are none. */
+/* Moves back the watched axes that homing has moved. Returns FALSE if there are none. */
 static gboolean restore(GcodeBoard *board) {
     gboolean any = FALSE;
     for (guint i = 0; i < board->clients->len; i++) {
@@ -468,7 +469,7 @@ static void check_running(GcodeBoard *board) {
         gcode_board_end_request(board, gcode_board_silence(board, ms));
 }
 
-/* Repeats Ctrl-X, which may be lost. */
+/* Repeats Ctrl-X, because it may have been lost. */
 static void repeat_reset(GcodeBoard *board) {
     if (board->stage != RESETTING || board->phase == READY ||
         !gcode_board_is_past(board, board->stage_us, board->n_resets * board->link.answer_ms / 4))

@@ -32,6 +32,8 @@
 
 #define UNKNOWN (-1) /* instead of an enum klipper_state */
 
+/* Stages of a phase (enum phase). The phases are named where a stage belongs to these phases
+ * only. */
 enum stage {
     SYNCING,    /* the echo is due */
     CHECKING,   /* STATUS was sent */

@@ -57,9 +57,9 @@ struct serial_lamps {
     int fd; /* −1 if the port is not open */
     guint source, timer;
     GString *input;
-    gboolean skips;  /* up to the next end of line */
+    gboolean skips;  /* input is discarded up to the next end of line */
     GQueue requests; /* of struct request, in the order of the set() calls */
-    int number;      /* of the last request */
+    int number;      /* number of the last request */
     int n, watchdog_ms;
     gint64 fed_us; /* time when the last request was sent */
     /* State of each lamp, as the answer to its last command has confirmed it. */
@@ -260,7 +260,7 @@ static GError *silence(const struct serial_lamps *lamps, const struct request *r
                             lamps->port, request->n_sent, lamps->answer_ms);
 }
 
-/* Sends requests again, or ends them, when their answer is overdue. */
+/* Handles each request whose answer is overdue: sends it again, or ends it. */
 static void check_deadlines(struct serial_lamps *lamps) {
     const gint64 now = clock_now_us(lamps->bank->device.clock);
     for (GList *l = lamps->requests.head; l; l = l->next) {

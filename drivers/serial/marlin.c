@@ -26,6 +26,8 @@
 #define N_HISTORY 8
 #define NEAR      0.02 /* largest distance from Count to the target at the end of a move, in units */
 
+/* Stages of a phase (enum phase). The phases are named where a stage belongs to these phases
+ * only. */
 enum stage {
     ASKING,   /* the echo of "L" is due */
     SETTINGS, /* GREETING */
@@ -177,7 +179,7 @@ static void finish(GcodeBoard *board) {
     send(board, "M400", TRUE);
 }
 
-/* Moves watched axes back that homing has moved. Returns FALSE if there are none. */
+/* Moves back the watched axes that homing has moved. Returns FALSE if there are none. */
 static gboolean restore(GcodeBoard *board) {
     g_autoptr(GString) line = g_string_new("G1");
     double units_s = INFINITY;

@@ -82,14 +82,15 @@ struct tic {
     gboolean halts;
     gboolean asked;    /* a poll is under way */
     gboolean was_well; /* a poll without errors has followed the last start */
-    /* n_started: number of starts. n_asked: value of n_started when the last poll was sent. If
-     * they differ, the poll is older than the last start and proves nothing. */
+    /* n_started  number of starts
+     * n_asked    value of n_started when the last poll was sent
+     * If the two differ, the poll is older than the last start and proves nothing. */
     int n_started, n_asked;
     int n_commands; /* number of commands so far */
     GList *sent;    /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
-    /* fed_us: time of the last reset of the command timeout. unfed_us: longest time without a
-     * reset since the last start. */
+    /* fed_us    time of the last reset of the command timeout
+     * unfed_us  longest time without a reset since the last start */
     gint64 fed_us, unfed_us;
     int timeout_ms; /* command timeout of the Tic */
     guint timer;

@@ -1,6 +1,7 @@
 /*
- * Sets a camera's controls for measuring: manual exposure, and everything off that changes frames
- * automatically. Every value is read back. The functions belong to the main loop's thread.
+ * Sets the controls of a camera for measuring: the exposure is manual, and everything is off that
+ * changes frames automatically. Every value is read back. The functions belong to the main loop's
+ * thread.
  */
 #pragma once
 

@@ -9,10 +9,12 @@
 
 struct video_load; /* the load of one camera */
 
-/* Adds the load of a camera. `who` names the camera in errors. mb_s is its load in 10⁶ bytes per
- * second. `sysfs` is the folder of the device. If it is NULL or not on USB, nothing is counted and
- * *ret is NULL. Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it can. The
- * error names the link, the cameras on it and the sum of their loads. */
+/* Adds the load of a camera. `who` names the camera in errors. mb_s is the load in 10⁶ bytes per
+ * second. `sysfs` is the folder of the device. If `sysfs` is NULL or the device is not on USB,
+ * nothing is counted and *ret is NULL.
+ *
+ * Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it can. The error names the
+ * link, the cameras on it and the sum of their loads. */
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */

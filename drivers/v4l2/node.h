@@ -1,7 +1,7 @@
 /*
- * A V4L2 device node: finding it, opening it, and reading its properties. The functions call the
- * kernel, which returns immediately unless the device is being unplugged. They belong to the main
- * loop's thread.
+ * A V4L2 device node: finding it, opening it, and reading its properties. The functions belong to
+ * the main loop's thread. They call the kernel, which returns immediately, except while the device
+ * is being unplugged.
  *
  * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
