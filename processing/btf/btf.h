@@ -53,7 +53,7 @@ struct btf_view {
     int index; /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     const struct rig_camera *camera; /* camera, radiometry and noise are borrowed */
-    /* NULL, or its member `known` is FALSE, if the camera is not calibrated */
+    /* If the camera is not calibrated, radiometry is NULL, or its member `known` is FALSE. */
     const struct radiometry_camera *radiometry;
     /* noise of the camera; NULL if it is unknown, so that the errors of all values are unknown */
     const struct transfer *noise;

@@ -34,10 +34,10 @@ struct btf_directions *btf_directions_81(void) {
     return ret;
 }
 
-/* Adds a direction to a list with room for MOST directions. `what` is "view" or "light". Returns
- * FALSE with an error if the list contains the direction or is full. Directions are compared by the
- * angle between them, because φ wraps around, and because a difference in φ is a smaller angle near
- * the pole. */
+/* Adds a direction to a list of at most MOST directions. `what` is "view" or "light". Returns FALSE
+ * with an error if the list contains the direction or is full. Directions are compared by the angle
+ * between them, because φ wraps around, and because a difference in φ is a smaller angle near the
+ * pole. */
 static gboolean add(const TextTable *table, int row, const char *what, double theta, double phi,
                     struct direction_list *to, GError **error) {
     const char *path = text_table_path(table);

@@ -107,8 +107,8 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Allocates memory for the values of all views. Makes a scratch file instead if the values need
- * more bytes than memory, unless memory is 0. The first view gives the number of lights. */
+/* Allocates memory for the values of all views. If memory is above 0 and the values need more bytes
+ * than that, makes a scratch file instead. The first view gives the number of lights. */
 static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
                       const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -187,8 +187,8 @@ static gboolean fill_holes(const struct exr_part *part, float *const planes[COLO
     return TRUE;
 }
 
-/* Copies planes[light · 3 + colour][texel] to rows of texels, first[texel · stride + light · 3 +
- * colour]. */
+/* Copies planes[light · 3 + colour][texel] to the rows of the texels: first[texel · stride + light
+ * · 3 + colour]. */
 gboolean btf_take_pictures(struct btf_matrix *btf, const struct exr_file *file, gsize first_light,
                            const char *path, float *first, gsize stride, GError **error) {
     const gsize n = file->parts->len * COLOURS, texels = btf_layout_texels(&btf->layout);

@@ -6,7 +6,7 @@
 #include "exr/exr.h"
 
 /* Opens a BTF. Sets the name, the directory and the layout, but not yet the lights of the layout
- * and the angles of its views. Returns the paths of the views' files; free them with
+ * and the angles of its views. *ret_paths are the paths of the views' files; free them with
  * g_ptr_array_unref(). If verify is TRUE, all files are checked by session_check_products(), and
  * work can cancel the check. Returns NULL with an error if no view has a file. */
 struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,

@@ -52,9 +52,9 @@ static GArray *around(const struct btf_view *view, struct exr_part *const *taken
     return points;
 }
 
-/* Fits by weighted least squares the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
- * y_k), with weights w_k = (1 − d_k / reach)², d_k the distance of light k. The missing light is
- * the origin. The value of the plane there is
+/* Fits the plane p + q x + r y through the values f_k / cos θ_k at (x_k, y_k) by least squares with
+ * the weights w_k = (1 − d_k / reach)². d_k is the distance of light k from the missing light,
+ * which is at the origin. The value of the plane at the origin is
  *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,
  * where m is the first row of the inverse of the normal matrix
  *   Σ_k w_k (1, x_k, y_k)ᵀ (1, x_k, y_k) = [s0 s1 s2; s1 d e; s2 e f],

@@ -9,7 +9,7 @@
 #include "base/robust.h"
 
 #define SIGNIFICANT_BITS 5     /* significant bits of a stored σ */
-#define SAME_DEG         0.001 /* polar angles that differ by less are the same */
+#define SAME_DEG         0.001 /* polar angles that differ by less, in degrees, count as the same */
 
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error) {

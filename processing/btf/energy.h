@@ -35,7 +35,7 @@ struct energy {
      * mean. */
     int pairs;
     double asymmetry;
-    /* the same for the values of all single texels; it includes parallax and shadows */
+    /* asymmetry of the values of all single texels; it includes parallax and shadows */
     double texel_asymmetry;
 };
 

@@ -203,7 +203,8 @@ struct vec3 near_field_light_centre(const struct near_field *near_field, int vie
     return light_from(near_field, view, light, middle(near_field));
 }
 
-/* Returns the irradiance at a point on a plane that faces the lamp, without its intensity. */
+/* Returns the irradiance at a point on a plane that faces the lamp, without the intensity of the
+ * lamp. */
 static double irradiance(const struct near_field *n, gsize lamp, struct vec3 point_mm) {
     const struct vec3 way = vec3_sub(point_mm, n->lamp_mm[lamp]);
     const double r = vec3_length(way);

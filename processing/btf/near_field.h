@@ -41,8 +41,8 @@ struct near_field {
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 
-/* Return the unit vectors from a texel's centre to a camera and to a lamp. Texels are numbered
- * row by row, row 0 is at +y. */
+/* Return the unit vectors from a texel's centre to a camera and to a lamp. Texels are numbered row
+ * by row, and row 0 is at +y. */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 

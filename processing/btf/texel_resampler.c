@@ -154,7 +154,8 @@ struct texel_work {
     struct vec3 *views;   /* n_views */
     double *view_points;  /* n_views × 2: points of views in the stereographic plane */
     double *light_points; /* n_lights × 2: points of the lights of the view lights_of */
-    int lights_of;        /* index of the view of the lights' arrays; −1 before the first view */
+    /* index of the view to which the arrays of lights belong; −1 before the first view */
+    int lights_of;
     /* corners and weights of each target view among the measured views */
     struct direction_share *view_shares;
     /* corners and weights of each target light among the measured lights of the view lights_of */
