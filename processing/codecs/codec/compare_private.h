@@ -12,7 +12,7 @@ struct compare_source {
     void (*values)(gconstpointer data, int texel, float *ret);
 };
 
-/* The size of both sources: texels in each direction, views and lights. */
+/* The size of both sources: numbers of texels in each direction, of views and of lights. */
 struct compare_size {
     int width, height, n_views, n_lights;
     int max_pictures; /* maximum of n_pictures in struct comparison; 0 for no pictures */

@@ -113,7 +113,7 @@ static gboolean is_held(const int *held, int n, int index) {
     return FALSE;
 }
 
-/* Copies the positions that are not held. */
+/* Copies n positions (x, y, z), without those whose indices are in held. */
 static float *keep(const float *from, int n, const int *held, int n_held) {
     float *ret = from ? g_new(float, 3 * (n - n_held)) : NULL;
     for (int i = 0, k = 0; from && i < n; i++)

@@ -115,8 +115,8 @@ void texel_model_to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* Sums over a block of texels, or over all texels. x is a value of the BTF, x̂ the model's value, Y
- * and Ŷ their luminances. */
+/* Sums over a block of texels, or over all texels. x is a value of the BTF, and x̂ is the value of
+ * the model. Y and Ŷ are the luminances of x and x̂. */
 struct texel_model_sums {
     double residual, all;    /* residual: Σ (x − x̂)², all: Σ x², over R, G, B */
     double luminance, count; /* luminance: Σ |Y − Ŷ|, count: its number of terms */

@@ -68,12 +68,14 @@ double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
  * times.
  *
  * Randomised method: each column is requested twice. With a target, the number of terms is raised
- * while the error is too large, and each such trial requests each column once more. The range of Aᵀ
- * is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson and Tropp
- * 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with a random sign, to one
- * of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto the first n_terms right
- * singular vectors of SA, and up to 8 more if memory allows. The best n_terms vectors within their
- * span are then found in double precision (Halko et al. §5.1). The seed is fixed. */
+ * while the error is too large, and each such trial requests each column once more.
+ *
+ * The range of Aᵀ is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko,
+ * Martinsson and Tropp 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with
+ * a random sign, to one of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto
+ * the first n_terms right singular vectors of SA, and up to 8 more if memory allows. The best
+ * n_terms vectors within their span are then found in double precision (Halko et al. §5.1). The
+ * seed is fixed. */
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {

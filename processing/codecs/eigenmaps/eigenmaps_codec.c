@@ -227,7 +227,7 @@ static void reconstruct(gconstpointer model, int texel, float *ret) {
 }
 
 /* Adds Σ_i (Σ_a g_a W_i(v_a)) Σ_b h_b E_i(x, l_b) for each texel x, times its share. v_a and l_b
- * are the views and lights of the query, g_a and h_b their weights. */
+ * are the views and lights of the query. g_a and h_b are their weights. */
 static void evaluate(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]) {
     const struct eigenmaps *maps = model;

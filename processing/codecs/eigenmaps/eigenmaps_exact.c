@@ -4,8 +4,8 @@
 
 #define CHUNK EIGENMAPS_CHUNK
 
-/* The computation of AᵀA. Memory holds the columns of one block of views, and one further column
- * unless the block has all views. */
+/* The computation of AᵀA. Memory holds the columns of one block of views. If the block does not
+ * have all views, memory also holds one further column. */
 struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
@@ -77,7 +77,7 @@ static gboolean project_columns(const struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* Decomposes AᵀA = V diag (σ²) Vᵀ. The weights are the first columns of V, the maps are A V. */
+/* Decomposes AᵀA = V diag (σ²) Vᵀ. The weights are the first columns of V, and the maps are A V. */
 static gboolean decompose(struct gram *gram, double *ret_error, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     const int n = maps->layout.views.n;

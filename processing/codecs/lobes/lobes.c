@@ -140,7 +140,7 @@ static void split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]
 }
 
 /* Fits each of n rows (luminances of split()) from several starts, and keeps the parameters with
- * the smallest cost: rows × lobes_fit_parameters(). */
+ * the smallest cost. ret is n × lobes_fit_parameters(). */
 static void fit_from_starts(const struct lobes_run *run, const float *rows, int n, float *ret) {
     const int parameters = lobes_fit_parameters(&run->fit);
     g_autofree float *costs = g_new(float, 2 * n), *other = g_new(float, n *parameters);

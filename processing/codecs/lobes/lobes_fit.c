@@ -115,8 +115,8 @@ LANES_INLINE void unit_derivative(const lanes v[3], const lanes n[3], lanes leng
         ret[i] = (v[i] - along * n[i]) / length;
 }
 
-/* Computes the frame and its derivatives. The normal is the unit vector along (−a, −b, 1), t that
- * along (cos ψ, sin ψ, a cos ψ + b sin ψ), and b = n × t. */
+/* Computes the frame and its derivatives. n is the unit vector along (−a, −b, 1). t is the unit
+ * vector along (cos ψ, sin ψ, a cos ψ + b sin ψ). b = n × t. */
 LANES_INLINE void prepare_frame(const lanes *p, struct prepared_facet *ret) {
     const lanes one = lanes_all(1), zero = lanes_all(0);
     lanes s, c, by[3][3], length = lanes_sqrt(p[0] * p[0] + p[1] * p[1] + 1.0F);

@@ -31,8 +31,8 @@
  * texel_mm, reference_mm (double), mesorig.grid (int) if n_grid is not 0, and mesorig.colours
  * (string) = "log" for decorrelated colours (see below).
  *
- * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed).
- * Each E_i has a scale, and each light of an E_i has a further scale: under grazing light all
+ * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are signed integers −127 … 127. Each E_i
+ * has a scale, and each light of an E_i has a further scale: under grazing light all
  * values are dark, and the steps that suit bright light would be visible. (A local PCA on a grid
  * has no scales of lights, because it is drawn with the file's 8 bits.) Means stay halves, because
  * their weight is always 1 and their steps would be visible. With 8bit-weights, weights are also
@@ -158,9 +158,9 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
 /* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black BTF,
  * and NaN if a file of the BTF cannot be read. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
-/* Computes the error of lpca_error(), and stores it in lpca->error. All ranks of options->team, if
- * there is one, must call this. The progress stage is "check". Returns FALSE with an error if a
- * file cannot be read or the work is cancelled. */
+/* Computes the error of lpca_error(), and stores it in lpca->error. If options->team is not NULL,
+ * all its ranks must call this function. The progress stage is "check". Returns FALSE with an error
+ * if a file cannot be read or the work is cancelled. */
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 

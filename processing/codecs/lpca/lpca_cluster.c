@@ -202,8 +202,8 @@ static void collect(struct lpca_reduced *reduced) {
         g_array_append_val((GArray *)g_ptr_array_index(reduced->members, reduced->labels[i]), i);
 }
 
-/* Gives each cluster without rows the row with the largest error, unless all errors are 0. The
- * error of that row becomes 0. */
+/* Gives each cluster without rows the row with the largest error. The error of that row becomes 0.
+ * When all errors are 0, the remaining clusters stay without rows. */
 static void refill(struct lpca_reduced *reduced, float *errors) {
     for (int k = 0; k < reduced->k; k++) {
         int worst = 0;

@@ -78,8 +78,8 @@ struct stage {
     gpointer data;
 };
 
-/* Runs one block of a stage, unless the checkpoint has it. Once values could not be read, in this
- * block or another, no further block counts as done. */
+/* Runs one block of a stage. Does nothing if the checkpoint has the block. After values could not
+ * be read, in this block or another, no further block counts as done. */
 static void stage_block(int block, gpointer data) {
     const struct stage *stage = data;
     struct lpca_run *run = stage->run;

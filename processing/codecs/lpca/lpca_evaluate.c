@@ -7,8 +7,8 @@
 
 #define COLOURS 3
 
-/* Returns E_0 … E_c of a cluster at view 0 and light 0. The tables are btf_layout_values()
- * apart. */
+/* Returns E_0 … E_c of a cluster at view 0 and light 0. Consecutive E_i are btf_layout_values()
+ * floats apart. */
 static const float *lpca_evaluate_tables(const struct lpca *lpca, int cluster) {
     return lpca->brdfs +
            (gsize)cluster * (gsize)(lpca->n_components + 1) * btf_layout_values(&lpca->layout);

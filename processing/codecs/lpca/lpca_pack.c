@@ -81,8 +81,8 @@ static float *find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* With split, converts an array in the order view, light, colour to the order view, colour, light.
- * Without split, does the reverse. */
+/* If split is TRUE, converts an array in the order view, light, colour to the order view, colour,
+ * light. If split is FALSE, does the reverse. */
 static void move_colours(const float *from, int views, int lights, gboolean split, float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
@@ -191,8 +191,8 @@ static void find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
     g_free(scatter.lights);
 }
 
-/* Multiplies each triple of colours by the 3 × 3 rotation. With back, multiplies by the transpose,
- * which undoes the rotation. values is lines × 3 × n. */
+/* Multiplies each triple of colours by the 3 × 3 rotation. If back is TRUE, multiplies by the
+ * transpose, which undoes the rotation. values is lines × 3 × n. */
 static void rotate_colours(const float *rotation, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {

@@ -3,9 +3,9 @@
 #include <cblas.h>
 #include <string.h>
 
-/* The weights of one cluster are coordinates along its orthonormal eigen-BRDFs E (r × d); to
- * cluster the weights is therefore to cluster the texels. A cluster of weights with mean m and axes
- * A has the mean E_0 + m E and the eigen-BRDFs A E. */
+/* The weights of one cluster are coordinates along its orthonormal eigen-BRDFs E (r × d).
+ * Clustering the weights is therefore the same as clustering the texels. A cluster of weights with
+ * mean m and axes A has the mean E_0 + m E and the eigen-BRDFs A E. */
 struct regroup {
     const struct lpca *from;
     struct lpca *to;
