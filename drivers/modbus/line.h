@@ -37,8 +37,8 @@ enum modbus_effort {
      * answers that it is busy is asked again. */
     MODBUS_YIELD,
 };
-/* Sets how requests are repeated. waiting is an atomic integer for MODBUS_YIELD, and NULL for the
- * others. */
+/* Sets how requests are repeated. For MODBUS_YIELD, waiting is an atomic integer. For the other
+ * efforts it is NULL. */
 void modbus_line_set_effort(struct modbus_line *line, enum modbus_effort effort,
                             const gint *waiting);
 

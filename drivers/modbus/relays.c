@@ -245,7 +245,7 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
 
 /* Checks the options of lamps and of a laser, which begin with struct relays. A wrong watchdog is
  * reported only when the relays are opened. If it were reported here, the relays would not be
- * opened, and those that an earlier program has left on would stay on. */
+ * opened, and relays that an earlier program has left on would stay on. */
 static void relays_check(gconstpointer given, const struct config_section *section,
                          Mistakes *mistakes) {
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);

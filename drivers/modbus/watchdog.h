@@ -50,6 +50,6 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
                              const struct modbus_link *link, GError **error);
 
-/* Adds a request that checks that the register still holds the value. The caller makes sure that
- * the job has room for it. Adds nothing if there is no register. */
+/* Adds a request that checks that the register still holds the value. Adds nothing if there is no
+ * register. The caller makes sure that the job has space for one more request. */
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job);

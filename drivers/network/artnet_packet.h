@@ -13,8 +13,8 @@
 #define ARTNET_POLL_SIZE 14
 #define ARTNET_DMX_SIZE  (18 + ARTNET_CHANNELS)
 
-/* Writes an ArtPoll: it requests that a node reports itself once. The node sends no further reports
- * unless it is asked again. */
+/* Writes an ArtPoll. It requests one report of each node that receives it. A node sends further
+ * reports only for further ArtPolls. */
 void artnet_poll(guint8 ret[ARTNET_POLL_SIZE]);
 
 /* Writes an ArtDmx: the levels of all channels of a universe. The sequence number is 0, so the node

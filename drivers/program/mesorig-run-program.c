@@ -1,7 +1,9 @@
 /*
- * Runs a program that is a device (program.h), with few rights, and makes sure that it ends:
- * mesorig-run-program PROGRAM [ARGUMENT]…. Standard input and output are those of the program.
- * Descriptor 3 is a socket to the process that started this runner.
+ * Runs a program that is a device (program.h), with few rights, and makes sure that the program
+ * ends:
+ *     mesorig-run-program PROGRAM [ARGUMENT]…
+ * Standard input and output are those of the program. Descriptor 3 is a socket to the process that
+ * started this runner.
  *
  * The runner waits until the program ends. If the runner reads a byte from the socket, it kills the
  * program and all that the program has started. If the other end of the socket is closed, the

@@ -85,7 +85,7 @@ struct GcodeBoard {
     int n_noise; /* lines that were not understood since the port was opened */
 
     enum phase phase;
-    GcodeClient *active; /* NULL unless RUNNING */
+    GcodeClient *active; /* NULL if the phase is not RUNNING */
     GQueue unsent, sent; /* of struct gcode_line */
     int n_unanswered;    /* number of bytes of the lines in `sent` */
     gint64 heard_us;     /* time of the last line that was understood */

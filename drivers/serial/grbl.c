@@ -3,7 +3,7 @@
  *
  * "ok" says that a line was accepted. "G4 P0" is accepted when all earlier motions have ended, so a
  * report that follows its "ok" shows where they have ended. Characters such as "?" act at once.
- * They have no "ok" and need no room in the buffer of the board, which has 128 bytes.
+ * They have no "ok" and take no space in the buffer of the board, which has 128 bytes.
  *
  * A stop is "!", which brakes without loss of the position, and then Ctrl-X, which makes the board
  * forget what it has not carried out. Ctrl-X during a motion loses the position (ALARM:3). "~"
@@ -112,7 +112,7 @@ static void start(GcodeBoard *board) {
     }
     board->n_before = board->n_at;
     memcpy(board->before, board->at, sizeof board->before);
-    /* A board that is locked, holds or sleeps refuses "$H" until it is reset. */
+    /* A board that is locked, in a feed hold or asleep refuses "$H" until it is reset. */
     board->held = FALSE;
     begin_reset(board);
 }

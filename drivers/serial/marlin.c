@@ -24,7 +24,7 @@
 #define BUSY_MS   2500 /* longer than the time between two lines that say that Marlin is busy */
 #define STILL_MS  300  /* longer than Marlin may plan before a motion begins */
 #define N_HISTORY 8
-#define NEAR      0.02 /* largest distance from Count to the target at the end of a move, in units */
+#define NEAR      0.02 /* largest distance from Count to the target after a move, in units */
 
 /* Stages of a phase (enum phase). The phases are named where a stage belongs to these phases
  * only. */

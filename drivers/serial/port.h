@@ -4,7 +4,8 @@
 #include <glib.h>
 
 /* Opens and locks a port, and discards input that was not read. Returns a descriptor that does not
- * block; close it with close(). Returns -1 on failure, with DEVICE_ERROR_BUSY if another program
- * uses the port and DEVICE_ERROR_DISCONNECTED otherwise. The error names the port. On most Arduino
- * boards, opening the port resets the board. */
+ * block; close it with close(). On most Arduino boards, opening the port resets the board.
+ *
+ * Returns -1 on failure. The error is DEVICE_ERROR_BUSY if another program uses the port, otherwise
+ * DEVICE_ERROR_DISCONNECTED. It names the port. */
 int serial_port_open(const char *path, int baud, GError **error);

@@ -1,7 +1,7 @@
-/* All pictures are loaded as half floats first, because the sum of those in the view's pose is the
- * guide of the rectification (rectify.h). Then each picture is rectified (n_texels × 3), divided by
- * its irradiance and written as one part. Pictures of lights that were not captured are predicted
- * from the parts of other lights. */
+/* All pictures are loaded as half floats first, because the sum of the pictures in the view's pose
+ * is the guide of the rectification (rectify.h). Then each picture is rectified (n_texels × 3),
+ * divided by its irradiance and written as one part. Pictures of lights that were not captured are
+ * predicted from the parts of other lights. */
 #include "btf.h"
 
 #include <gio/gio.h>
@@ -369,7 +369,7 @@ static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaic
     return rectify;
 }
 
-/* Loads all pictures, and sums those in the view's pose for the guide. */
+/* Loads all pictures. The sum of the pictures in the view's pose becomes the guide. */
 static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
                              GCancellable *cancellable, GError **error) {
     for (guint i = 0; i < view->lights->len; i++)

@@ -28,10 +28,11 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
 gboolean btf_read_rows(struct btf_matrix *btf, int view, const char *path, int n_threads,
                        float *first, gsize stride, GError **error);
 
-/* The steps of btf_read_rows(), for callers that need the pictures as well. btf_check_lights()
- * fails if n is not the number of lights of the first view. btf_take_view_direction() sets the
- * direction of the view from the attributes of a part. btf_take_pictures() copies the values of the
- * pictures in file, which are those of the lights first_light, first_light + 1, … */
+/* The steps of btf_read_rows(), for callers that need the pictures as well.
+ * - btf_check_lights() fails if n is not the number of lights of the first view.
+ * - btf_take_view_direction() sets the direction of the view from the attributes of a part.
+ * - btf_take_pictures() copies the values of the pictures in file. They belong to the lights
+ *   first_light, first_light + 1, … */
 gboolean btf_check_lights(const struct btf_matrix *btf, int n, const char *path, GError **error);
 gboolean btf_take_pictures(struct btf_matrix *btf, const struct exr_file *file, gsize first_light,
                            const char *path, float *first, gsize stride, GError **error);

@@ -33,7 +33,7 @@ static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
 }
 
 /* Reads one round: rank r reads view from + r, then the ranks distribute their views in turn.
- * buffer has room for a view. */
+ * buffer has the size of a view. */
 static gboolean read_round(struct btf_shared *shared, int from, float *buffer, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const struct team *team = shared->team;

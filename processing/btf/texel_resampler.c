@@ -191,8 +191,8 @@ static void combine(const struct direction_share *share, const float *values, co
     }
 }
 
-/* Computes the points and shares of a view's lights, unless the lamps stood at the same positions
- * in the view lights_of. */
+/* Computes the points and shares of a view's lights. Does nothing if the lamps stood at the same
+ * positions in the view lights_of. */
 static void take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     const struct vec3 *lamps = r->near->lamp_mm;

@@ -25,7 +25,7 @@ struct codec_geometry;
 
 /* The input of encode(). */
 struct codec_job {
-    /* the BTF to encode; its values are in memory unless memory > 0 */
+    /* the BTF to encode; if memory is 0, its values are in memory */
     const struct btf_matrix *btf;
     /* values of the options, in the struct that the codec's option table describes */
     gconstpointer options;

@@ -27,7 +27,9 @@
 struct compare_totals {
     double residual, all; /* residual: Σ (a − b)², all: Σ a², over R, G, B */
     double shown;         /* Σ of the squared differences of R, G, B as shown (metrics/psnr.h) */
-    /* luminance: Σ |Y_a − Y_b|; delta_e: Σ CIEDE2000; n: number of terms of both sums */
+    /* luminance  Σ |Y_a − Y_b|
+     * delta_e    Σ CIEDE2000
+     * n          number of terms of both sums */
     double luminance, delta_e, n;
 };
 

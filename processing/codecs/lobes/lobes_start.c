@@ -112,9 +112,10 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Finds n lobes in addition to the diffuse lobe. Each points towards a light whose value exceeds
- * those of the lights around it. These lights are ordered by this excess, the largest first; the
- * first `skip` of them get no lobe. `lights` has a value for each light. */
+/* Finds n lobes in addition to the diffuse lobe. Each lobe points towards a light whose value
+ * exceeds the values of the lights around it. The lights are taken in the order of this excess, the
+ * largest first. The first `skip` lights of this order get no lobe. `lights` has a value for each
+ * light. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;
