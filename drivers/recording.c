@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-#define MAX_SIZE (32 << 20) /* of the messages */
+#define MAX_SIZE (32 << 20) /* maximum number of bytes of the messages */
 /* from this number on, equal bytes 00 or ff are written as one byte with their number */
 #define MIN_RUN   8
 #define MIN_HIDE  4

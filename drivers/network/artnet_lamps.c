@@ -25,7 +25,7 @@
 
 struct output {
     gboolean known;
-    int page; /* of the replies that name the output */
+    int page; /* number of the reply that names the output (struct artnet_reply) */
     guint8 state;
     gint64 polls[N_POLLS]; /* times of the requests that may still be answered, oldest first */
     int n_polls;
@@ -38,7 +38,7 @@ struct artnet_lamps {
     ArtnetSocket *socket;
     gint64 polled_us;       /* time of the last request; UNHEARD if an answer has come since */
     gint64 lit_polled_us;   /* time of the last request, answered or not */
-    struct output *outputs; /* of each universe */
+    struct output *outputs; /* one for each universe */
     /* the node has answered, even if it does not have the wanted universes */
     gboolean answered;
 };

@@ -12,10 +12,11 @@
 
 #include "drivers/lamps.h"
 
-#define DMX_CHANNELS      512
-#define DMX_MAX_LAMPS     1024
-#define DMX_SENDS         3
-#define DMX_GAP_MS        25  /* from one frame to the next; a frame takes 22.7 ms on the cable */
+#define DMX_CHANNELS  512
+#define DMX_MAX_LAMPS 1024
+#define DMX_SENDS     3
+/* time from one frame to the next; a frame takes 22.7 ms on the cable */
+#define DMX_GAP_MS        25
 #define DMX_KEEP_ALIVE_MS 900 /* Art-Net 4 and E1.31 demand 800 to 1000 ms */
 
 struct dmx;

@@ -35,8 +35,8 @@ struct sacn_lamps {
     guint32 receiver; /* 0: multicast */
     int fd;           /* -1 if it is not open */
     struct sacn_source source;
-    guint8 *sequences; /* of each universe */
-    int *n_sent;       /* of each universe, up to DMX_SENDS */
+    guint8 *sequences; /* next sequence number of each universe */
+    int *n_sent;       /* number of packets sent for each universe, up to DMX_SENDS */
     int refused;       /* errno that the network has reported since the last levels were sent */
 };
 

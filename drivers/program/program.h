@@ -53,7 +53,7 @@ void program_need(const struct program_command *command, GPtrArray *to);
 
 enum program_turn {
     PROGRAM_IN_TURN,
-    PROGRAM_FIRST,   /* before all requests in turn */
+    PROGRAM_FIRST,   /* before all requests that are PROGRAM_IN_TURN */
     PROGRAM_AT_ONCE, /* like PROGRAM_FIRST, but sent even while another request runs */
 };
 

@@ -36,7 +36,7 @@ struct GcodeClient {
     int n_still; /* reports in a row with the same position, during a stop */
     double still_at;
     gboolean has_ended, has_lost; /* a callback is due */
-    GError *error;                /* of that callback */
+    GError *error;                /* error for that callback; NULL if there is none */
 };
 
 struct dialect {
@@ -78,7 +78,7 @@ struct GcodeBoard {
     int fd;
     guint source, timer;
     gint64 due_us; /* time when the timer is due */
-    Lock *lock;    /* of the port; kept while the board is lost */
+    Lock *lock;    /* lock of the port; kept while the board is lost */
     GString *input;
     /* the input up to the next end of line is discarded, because the line is too long */
     gboolean skips;

@@ -31,7 +31,7 @@ enum stage {
     SETTINGS,  /* GREETING: the settings are read */
     HOLDING,   /* "!" was sent */
     RESETTING, /* Ctrl-X was sent; the banner is due */
-    CHECKING,  /* after the banner; a report is due */
+    CHECKING,  /* the banner has come; a report is due */
     MOVING,
     HOMING,
     RESTORING, /* other axes are moved back after homing */
@@ -172,7 +172,7 @@ static gboolean is_disturbed(GcodeBoard *board, const struct gcode_report *repor
         return FALSE;
     case GCODE_ALARM:
         if (board->stage == HOMING && !gcode_board_is_answered(board))
-            return FALSE; /* until the answer to "$H" or "$X" */
+            return FALSE; /* the alarm lasts until the answer to "$H" or "$X" */
         alarmed(board);
         return TRUE;
     case GCODE_HOLD:
@@ -257,7 +257,7 @@ static void check_kept(GcodeBoard *board, gboolean moved) {
 
 static void end_check(GcodeBoard *board, const struct gcode_report *report) {
     if (!gcode_report_stands(report))
-        return;                    /* until the deadline */
+        return;                    /* reports are taken until the deadline */
     if (board->phase == RUNNING) { /* begins to home */
         board->alarm = report->state == GCODE_ALARM ? MAX(board->alarm, 1) : 0;
         send_homing(board);

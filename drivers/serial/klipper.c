@@ -304,7 +304,7 @@ static void take_end_of_lines(GcodeBoard *board) {
 static void take_ok(GcodeBoard *board) {
     if (!board->synced) {
         if (!board->echoed)
-            return; /* of a line before the stop */
+            return; /* this answers a line before the stop */
         board->synced = TRUE;
         if (board->phase != READY)
             check(board);
@@ -475,7 +475,7 @@ const struct dialect gcode_klipper = {
     .tick = tick,
     .start = start,
     .stop = stop,
-    .window = 4095, /* of the pseudo-terminal */
+    .window = 4095, /* size of the buffer of a pseudo-terminal */
     .one_line = TRUE,
     .halted = "Klipper has shut down" ERROR_ADVICE "home it, which restarts Klipper",
 };

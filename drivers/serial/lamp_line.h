@@ -31,7 +31,7 @@ enum lamp_answer_kind {
 
 struct lamp_answer {
     enum lamp_answer_kind kind;
-    int number;      /* of the request, 1 to 65535; 0 for LAMP_ANSWER_RESET */
+    int number;      /* number of the request, 1 to 65535; 0 for LAMP_ANSWER_RESET */
     int watchdog_ms; /* the lamps go off when no request has come for this time, in ms; above 0 */
     int n;           /* number of lamps, 1 to LAMP_LINE_MAX_LAMPS */
     guint8 levels[LAMP_LINE_MAX_LAMPS]; /* 0: off */

@@ -31,7 +31,7 @@
 enum stage {
     ASKING,   /* the echo of "L" is due */
     SETTINGS, /* GREETING */
-    WATCHING, /* until the motors stand; in the phases GREETING and STOPPING */
+    WATCHING, /* the motors are watched until they stand; in the phases GREETING and STOPPING */
     MOVING,
     FINISHING, /* M400 was sent */
     HOMING,
@@ -244,7 +244,7 @@ static void take_ok(GcodeBoard *board) {
     board->nudged = FALSE;
     if (!board->synced) {
         if (!board->echoed)
-            return; /* of a line before the stop */
+            return; /* this answers a line before the stop */
         board->synced = TRUE;
         on_synced(board);
     } else if (board->resends > 0) {

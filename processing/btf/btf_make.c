@@ -110,7 +110,8 @@ struct mosaics {
     double *sum;
     gboolean guided; /* whether any picture was added to sum */
     gsize n_pixels;
-    gsize n_values; /* of a picture: n_pixels, or 3 n_pixels for "rgb"; set by the first picture */
+    /* number of values of a picture: n_pixels, or 3 n_pixels for "rgb"; set by the first picture */
+    gsize n_values;
     char *cfa;
 };
 

@@ -93,9 +93,9 @@ enum lpca_kept {
     LPCA_KEPT_AXES,    /* r × d */
     LPCA_KEPT_ROWS,    /* n × r */
     LPCA_KEPT_LABELS,  /* n */
-    LPCA_KEPT_MEANS,   /* of a reduced space: requested number of clusters × r */
-    LPCA_KEPT_BASES,   /* of a reduced space: requested number of clusters × c × r */
-    LPCA_KEPT_BRDFS,   /* of k clusters */
+    LPCA_KEPT_MEANS,   /* means of a reduced space: requested number of clusters × r */
+    LPCA_KEPT_BASES,   /* axes of a reduced space: requested number of clusters × c × r */
+    LPCA_KEPT_BRDFS,   /* eigen-BRDFs of k clusters */
     LPCA_KEPT_WEIGHTS, /* n × c */
     LPCA_KEPT_SQUARES, /* sums of squares, k doubles for each view */
     LPCA_KEPT_KINDS
