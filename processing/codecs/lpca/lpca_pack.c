@@ -118,14 +118,14 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
 
 /* Computes the eigenvectors of the symmetric matrix sums. Only the upper half of sums is given. Row
  * i of ret is the eigenvector with the i-th largest eigenvalue, rounded to half floats. If the
- * LAPACK function fails, each row of ret is a unit vector along an axis, or 0. */
+ * LAPACK function fails, the rows of ret are the unit vectors along the axes. */
 static void principal(const float *sums, int n, float *ret) {
     g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
     for (int i = 0; i < n * n; i++)
         matrix[i] = sums[i];
     if (LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, values) != 0)
         for (int i = 0; i < n * n; i++)
-            matrix[i] = i % (n + 1) == n - 1;
+            matrix[i] = i % (n + 1) == 0;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++)
             ret[i * n + j] = (float)matrix[j * n + n - 1 - i];
