@@ -1,5 +1,5 @@
-/* Append a number of 4 bytes to a byte array, with the least significant byte first. Any thread may
- * call the functions. */
+/* These functions append 4 bytes to a byte array, with the least significant byte first. Any thread
+ * may call them. */
 #pragma once
 
 #include <glib.h>

@@ -1,7 +1,7 @@
 /*
- * A set of cameras of a rig. Each stop of a camera on the camera arm is a camera of its own
- * (geometry/rig.h). A set is plain data: the initialiser {0} makes an empty set, and an assignment
- * copies a set. Any thread may call the functions.
+ * A set of cameras of a rig. A camera on the camera arm counts as a separate camera at each stop of
+ * the arm (geometry/rig.h). A set is plain data: the initialiser {0} makes an empty set, and an
+ * assignment copies a set. Any thread may call the functions.
  *
  *     struct camera_set shown = camera_set_of(3);
  *     camera_set_add(&shown, 70);
@@ -91,8 +91,9 @@ static inline int camera_set_count(struct camera_set set) {
     return n;
 }
 
-/* Compares sets, for sorting. Of two sets that differ, the one with the highest camera that is in
- * only one of them is the greater one. Returns −1, 0 or 1. */
+/* Compares sets, for sorting. The highest camera that only one of the two sets contains decides:
+ * the set that contains this camera is the greater one. Returns −1 if a is less than b, 0 if they
+ * are equal, and 1 if a is greater. */
 static inline int camera_set_compare(struct camera_set a, struct camera_set b) {
     for (int i = CAMERA_SET_WORDS - 1; i >= 0; i--)
         if (a.words[i] != b.words[i])

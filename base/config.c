@@ -22,8 +22,9 @@ struct entry {
 struct Config {
     char *path, *text;
     GArray *sections;  /* of struct config_section */
-    GHashTable *lines; /* maps "class name" to the line of that section; keys are owned */
-    GArray *problems; /* of struct config_problem; NULL if problems are added to mistakes instead */
+    GHashTable *lines; /* key: "class name", owned; value: the line of that section */
+    /* elements: struct config_problem; NULL if problems are added to mistakes instead */
+    GArray *problems;
     Mistakes *mistakes; /* mistakes of the function that loads the file; NULL after loading */
     gboolean broken;    /* whether a section heading could not be parsed */
 };
@@ -159,7 +160,8 @@ static void take_line(Config *config, char *text, int line) {
     struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
     GError *error = NULL;
-    /* A second key "driver" in a section shows that a heading is missing between the two. */
+    /* Each section has at most one key "driver". A second one shows that the heading of another
+     * section is missing above it. */
     const gboolean second = last && g_str_has_prefix(text, "driver") &&
                             strcspn(text, " \t=") == strlen("driver") &&
                             config_value(last, "driver", NULL);
@@ -219,8 +221,9 @@ static gboolean do_parse(Config *config, gsize length) {
     return TRUE;
 }
 
-/* Makes a Config from a text, and takes ownership of the text, which is NUL-terminated. Any other
- * NUL in it is a mistake. If mistakes is NULL, reads leniently (config_load_lenient()). */
+/* Makes a Config from a text that ends with a NUL, and takes ownership of the text. A NUL inside
+ * the text is a mistake. If mistakes is NULL, the text is read as config_load_lenient() reads a
+ * file. */
 static Config *config_new(char *text, gsize length, const char *path, Mistakes *mistakes) {
     Config *config = g_new0(Config, 1);
     config->mistakes = mistakes;

@@ -16,12 +16,12 @@
 #include <glib.h>
 
 #define CONFIG_ERROR config_error_quark()
-GQuark config_error_quark(void); /* its errors carry details: base/error_details.h */
+GQuark config_error_quark(void); /* errors of this domain carry details (base/error_details.h) */
 
 /* Messages have the form "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
-    CONFIG_ERROR_SYNTAX,  /* the file or a line of it is not in this syntax, or a section or key is
-                             given twice */
+    /* the file or a line of the file is not in this syntax, or a section or key is given twice */
+    CONFIG_ERROR_SYNTAX,
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
     CONFIG_ERROR_MISSING, /* a required key, or a section that another section names, is missing */
     CONFIG_ERROR_VALUE,   /* a value is not of its type, is out of range, or does not fit others */
@@ -39,7 +39,7 @@ struct config_section {
     gboolean broken;
     /* a line of the section could not be parsed, so keys may be missing */
     gboolean incomplete;
-    GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
+    GPtrArray *keys;     /* elements: char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* maps a key to its value and line; private to config.c */
 };
 
@@ -55,8 +55,8 @@ Config *config_load(const char *path, GError **error);
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
-/* Returns whether all headings could be parsed. If it returns FALSE, a section that config_find()
- * does not find may be in the file under a heading that could not be parsed. */
+/* Returns whether all headings could be parsed. If the result is FALSE, config_find() may not find
+ * a section that is in the file, because the heading of that section could not be parsed. */
 gboolean config_has_all_sections(const Config *config);
 
 /* A line that config_load_lenient() could not understand. */

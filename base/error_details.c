@@ -3,12 +3,14 @@
 #include <string.h>
 
 struct details {
-    /* text is what and advice in one text, as the message shows them: "WHAT; ADVICE". */
+    /* text is the message without file and subject: "WHAT; ADVICE". what and advice are the two
+     * parts of text. */
     char *file, *subject, *text, *what, *advice;
     int line;
 };
 
-/* GLib keeps a domain's own data in front of the GError, aligned for any type. */
+/* GLib puts the data of a domain in front of the GError, and rounds their size up to this
+ * alignment. */
 #define ALIGNMENT (2 * sizeof(gsize))
 #define OFFSET    ((sizeof(struct details) + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT)
 
@@ -67,7 +69,7 @@ GError *error_details_new_valist(GQuark domain, int code, const char *subject, c
     GError *error =
         g_error_new(domain, code, "%s%s%s", subject ? subject : "", subject ? ": " : "", text);
     struct details *details = details_of(error);
-    g_assert(details); /* the domain was made by error_details_domain() */
+    g_assert(details); /* is NULL only if error_details_domain() did not make the domain */
     *details = (struct details){.subject = g_strdup(subject),
                                 .text = g_steal_pointer(&text),
                                 .what = g_strdup(*parts ? *parts : ""),

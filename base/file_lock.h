@@ -8,15 +8,16 @@
 
 #include <glib.h>
 
-/* Takes the lock at path without waiting for another holder. Returns a descriptor for
- * file_lock_give(), or −1 with an error, which is G_IO_ERROR_BUSY if another process holds the
- * lock. `what` names the files that the lock protects, for the error message: "products of this
- * session". */
+/* Takes the lock at path. Does not wait if another process holds the lock. Returns a descriptor for
+ * file_lock_give(). Returns −1 with an error on failure; the error is G_IO_ERROR_BUSY if another
+ * process holds the lock. `what` names the files that the lock protects, for the error message:
+ * "products of this session". */
 int file_lock_take(const char *path, const char *what, GError **error);
 
-/* Takes the lock for writing the file at path. *ret_lock is always set to PATH.lock; free it with
- * g_free(). Once the lock is held, removes the unfinished files next to path that killed writers
- * have left. Returns a descriptor, or −1 with an error, as file_lock_take() does. */
+/* Takes the lock for writing the file at path. The path of the lock is PATH.lock, and *ret_lock is
+ * always set to it; free it with g_free(). If the lock was taken, removes the unfinished files next
+ * to path that killed writers have left. Returns a descriptor, or −1 with an error, as
+ * file_lock_take() does. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 /* Releases the lock at path and removes its file. lock is the descriptor that was returned for it;

@@ -1,8 +1,10 @@
 /* Opens files that come from users or from other programs. Such a file may be anything. Its path
  * may name a FIFO, a device or a folder. The file may be far too large, or its header may announce
- * more pixels than fit into memory. The functions never wait for another program, except up to 60 s
- * for one that holds a lease on the file (fcntl(2)), and never map a file into memory. A file that
- * is truncated while it is read gives an error.
+ * more pixels than fit into memory.
+ *
+ * The functions do not wait for other programs. The one exception is a program that holds a lease
+ * on the file (fcntl(2)): the functions wait for it, up to 60 s. The functions never map a file
+ * into memory. A file that is truncated while it is read gives an error.
  *
  * Errors name the file and say what is wrong with it. They are G_FILE_ERROR for errors of the
  * system, and INPUT_FILE_ERROR otherwise. Any thread may call these functions. */
@@ -28,8 +30,9 @@ enum input_file_error {
  * it keeps its own domain and code. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
-/* A picture may have INPUT_FILE_PIXELS pixels, or INPUT_FILE_PIXELS_PER_BYTE pixels for each byte
- * of its file if that is more. Cameras compress photographs to no less than two bits per pixel. */
+/* The largest number of pixels of a picture is INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE
+ * times the number of bytes of its file if that is more. Cameras use at least two bits per pixel in
+ * compressed photographs, so 4 pixels per byte are sufficient. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 

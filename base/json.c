@@ -88,7 +88,9 @@ static void append(GString *to, GVariant *value) {
     case G_VARIANT_CLASS_TUPLE:
         append_children(to, value);
         break;
-    default: { /* integers: the text of GVariant without the type is JSON */
+    /* For integers, g_variant_print() without the type gives JSON. For bytes it would print
+     * hexadecimal numbers. */
+    default: {
         g_autofree char *text = g_variant_get_type_string(value)[0] == 'y'
                                     ? g_strdup_printf("%u", g_variant_get_byte(value))
                                     : g_variant_print(value, FALSE);

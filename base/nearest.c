@@ -33,9 +33,9 @@ void nearest_consider(struct nearest *nearest, const char *name) {
     }
 }
 
-/* Returns a text with the options that may have been meant; g_free(). For an unknown letter "-s",
- * these are all options that begin with "s" and have no short form. For "--sise=3", it is the
- * option that is spelt most like "sise". The text is empty if there is none. */
+/* Returns a text with the options that may have been meant. For an unknown letter "-s", these are
+ * all options that begin with "s" and have no short form. For "--sise=3", it is the option that is
+ * spelt most like "sise". The text is empty if there is none. Free it with g_free(). */
 static char *options(const char *wrong, const GOptionEntry *const *tables) {
     const gboolean letter = wrong[1] != '-';
     g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));

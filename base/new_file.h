@@ -30,15 +30,15 @@ gboolean new_file_reserve(const struct new_file *file, gsize n);
 /* Appends n bytes to the file. Returns FALSE and sets errno on failure. */
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 
-/* new_file_commit() gives the file its name. If sync is TRUE, the file and its folder entry are
- * on disk when the function returns. It returns FALSE and sets errno on failure. The file is
- * then removed, except if only the sync of its folder entry has failed: the file then has its
- * name. new_file_abandon() removes the file. Call one of the two once for each file that was
- * begun. */
+/* new_file_commit() gives the file its name. If sync is TRUE, the file and its folder entry are on
+ * disk when the function returns. On failure it returns FALSE, sets errno, and removes the file. If
+ * only the sync of the folder entry fails, it also returns FALSE, but the file keeps its name.
+ *
+ * new_file_abandon() removes the file. Call one of the two once for each file that was begun. */
 gboolean new_file_commit(struct new_file *file, gboolean sync);
 void new_file_abandon(struct new_file *file);
 
-/* Removes the .part files and folders that killed processes have left in folder, a path below
- * directory ("" for directory itself), for names that begin with prefix. Call it only while no
- * process writes such files. */
+/* Removes the .part files and folders that killed processes have left in a folder. `folder` is the
+ * path of this folder below directory, or "" for directory itself. Only files for names that begin
+ * with prefix are removed. Call the function only while no process writes such files. */
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix);

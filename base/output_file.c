@@ -15,8 +15,8 @@
 #include "new_file.h"
 
 #define KIND "mesorig.kind"
-/* The kind is searched in this number of bytes at the beginning of a file, or at the end of a
- * PDF. */
+/* The mark of the kind is searched for in this number of bytes at the beginning of a file, or at
+ * the end of a PDF. */
 #define LOOKED_AT ((gsize)1 << 20)
 #define MAX_MARK  ((goffset)1 << 30) /* a larger file does not get the mark of its kind */
 #define TRIES     100
@@ -416,8 +416,9 @@ static gboolean deliver(const struct OutputFile *file) {
     return rename(file->written, file->target) == 0;
 }
 
-/* Called when the finished file cannot be delivered, with the reason in errno. Moves it next to its
- * final place, as NAME-XXXXXXXX.END, and sets the error, which names it. Always returns FALSE. */
+/* Called when the finished file cannot be delivered, with the reason in errno. Moves the file next
+ * to its final place, as NAME-XXXXXXXX.END. Sets the error, which names the path of the finished
+ * file. Always returns FALSE. */
 static gboolean keep(struct OutputFile *file, GError **error) {
     const int saved = errno;
     const char *name = strrchr(file->target, '/'), *end = strrchr(file->target, '.');

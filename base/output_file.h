@@ -79,7 +79,7 @@ gboolean output_file_streams(const OutputFile *file); /* whether the output is a
 /* Renames a file or folder and never replaces anything, not even an empty folder. Some file systems
  * (FUSE, NFS) cannot do that in one step. If such a file system also lacks hard links, a file of
  * that name that another program makes at the same moment may be lost. Returns FALSE and sets errno
- * on failure; EEXIST if to exists. */
+ * on failure. errno is EEXIST if `to` exists. */
 gboolean output_file_move(const char *from, const char *to);
 
 /* Moves a finished folder to path, where nothing may exist. Returns FALSE if that fails. The folder

@@ -23,7 +23,8 @@ void program_set_locale(void);
 struct command_line {
     const char *name;      /* "mesorig-web" */
     const char *arguments; /* "SCENE.gltf"; NULL if the program takes only options */
-    /* Text above the options in --help, and text below them. Each may be NULL. */
+    /* Text above the options in --help, or NULL. description is the text below the options, or
+     * NULL. */
     const char *summary;
     const char *description;
     const GOptionEntry *options; /* --version is added */
@@ -31,8 +32,9 @@ struct command_line {
     int min, max;                /* minimum and maximum number of arguments */
 };
 
-/* Sets the locale and reads the options. The arguments are left in argv, from argv[1] on. Answers
- * --help and --version, and reports bad usage; in these cases the program ends. */
+/* Sets the locale and reads the options. The arguments are left in argv, from argv[1] on. For
+ * --help and --version, prints the answer and ends the program. On bad usage, prints an error and
+ * ends the program. */
 void program_parse(const struct command_line *line, int *argc, char ***argv);
 
 /* Prints an error about the command line to standard error. Returns the exit code 2. */

@@ -5,10 +5,11 @@
 #pragma once
 
 struct residual {
-    const char *of;         /* beginning of the warning, such as "the light sheet of “left”" */
-    double value, expected; /* RMS; expected is what noise explains, or 0 if not known */
-    const char *unit;       /* "mm"; "" for ratios */
-    const char *causes;     /* possible causes, the most likely first: "a bent sheet, speckle" */
+    const char *of; /* beginning of the warning, such as "the light sheet of “left”" */
+    /* RMS of the residuals; expected is the RMS that noise explains, or 0 if it is not known */
+    double value, expected;
+    const char *unit;   /* "mm"; "" for ratios */
+    const char *causes; /* possible causes, the most likely first: "a bent sheet, speckle" */
 };
 
 /* Maximum ratio of a residual to its expected value that is explained by noise. */

@@ -27,9 +27,9 @@ static double guess_median(const double *values, int first, int end) {
     return middle_of_three(middles[0], middles[1], middles[2]);
 }
 
-/* Moves the values below the pivot, or up to the pivot if equal is TRUE, to the front. Returns the
- * index behind them. There is no branch in the loop, because a processor would mispredict half of
- * its turns. */
+/* Moves the values below the pivot to the front of first … end − 1. If equal is TRUE, values equal
+ * to the pivot are moved as well. Returns the index behind the values that were moved. There is no
+ * branch in the loop, because a processor would mispredict half of its turns. */
 static int partition(double *values, int first, int end, double pivot, gboolean equal) {
     int next = first;
     for (int i = first; i < end; i++) {

@@ -1,4 +1,5 @@
-/* Several processes that compress one BTF together. Each has a part of the texels in memory. */
+/* Several processes that compress one BTF together. Each process has a number, its rank, and a part
+ * of the texels in memory. */
 #pragma once
 
 #include <glib.h>
@@ -10,7 +11,8 @@
 struct team {
     int rank, n_ranks; /* rank is 0 … n_ranks − 1 */
     gpointer data;     /* for the functions of this struct */
-    /* Replaces values in all ranks by the sum of the arrays of all ranks, element by element. */
+    /* Replaces the array `values` of every rank by the sum of the arrays of all ranks, element by
+     * element. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
     /* Gathers data in all ranks. Rank i has filled the bytes starts[i] … starts[i + 1] − 1 of the

@@ -14,10 +14,13 @@
 
 typedef struct TextTable TextTable;
 
-/* Reads a table. Fails if the file cannot be read, has more than 64 MiB or is not UTF-8, the header
- * line is missing, a column has no name or occurs twice, a quoted field does not end, the number of
- * fields in a row differs from the header, or there are no rows. The error is DATA_ERROR_INVALID.
- * It names the file, and the line if the mistake is in one line. */
+/* Reads a table. Returns NULL with DATA_ERROR_INVALID in these cases:
+ * - the file cannot be read, has more than 64 MiB, or is not UTF-8;
+ * - the header line is missing, or there are no rows;
+ * - a column has no name, or a name occurs twice;
+ * - a quoted field does not end;
+ * - a row and the header have different numbers of fields.
+ * The error names the file, and the line if the mistake is in one line. */
 TextTable *text_table_read(const char *path, GError **error);
 void text_table_free(TextTable *table); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TextTable, text_table_free)

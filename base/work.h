@@ -9,7 +9,8 @@
 
 #include <glib.h>
 
-/* From <gio/gio.h>, which takes longer to compile than most files that include this header. */
+/* <gio/gio.h> declares this type too. It is not included here, because it takes longer to compile
+ * than most files that include this header. */
 typedef struct _GCancellable GCancellable;
 
 struct work_progress {

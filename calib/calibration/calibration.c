@@ -253,9 +253,9 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     return !why;
 }
 
-/* Returns the camera with one parameter changed by a step. A small rotation ω of the camera has the
- * same effect as moving the point p to p + ω × p. For such a parameter, the point is therefore
- * moved and the camera is not changed. */
+/* Returns the camera with one parameter changed by a step. A parameter of the rotation is treated
+ * differently: a small rotation ω of the camera has the same effect as moving the point p to p + ω
+ * × p. The point is then moved and the camera is not changed. */
 static struct rig_camera camera_changed(const struct rig_camera *camera, int parameter, double step,
                                         struct vec3 *point_mm) {
     struct rig_camera c = *camera;

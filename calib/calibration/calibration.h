@@ -37,8 +37,8 @@ struct calibration_part {
     double residual_expected;
     char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
-    /* Number of pictures on which the part is based. If only sights or sweeps in the pictures are
-     * rejected, their pictures are counted as well. */
+    /* Number of pictures on which the part is based. A picture counts even if some of its sights or
+     * sweeps were rejected. */
     int pictures;
     char *checksum;      /* calibration_checksum() of these pictures */
     GPtrArray *rejected; /* of char *: "picture: reason"; empty if nothing was rejected */
@@ -71,9 +71,9 @@ enum calibration_camera_parameter {
     CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
-/* Each of the next structs holds errors of a calibrated device. Its comment names the member of
- * struct rig that has the values of this device. If that member is an array, each element has a
- * struct of its own with the same index. */
+/* Each of the next structs holds the standard errors of a calibrated device. The comment of the
+ * struct names the member of struct rig that holds the values of the device. If that member is an
+ * array, each of its elements has a struct with the same index. */
 
 struct calibration_camera { /* for rig.cameras */
     gboolean known;
@@ -98,7 +98,8 @@ struct calibration_turntable { /* for rig.wobble */
     double wobble_rad; /* standard error of the tilt, RMS over a turn */
 };
 
-struct calibration_arc { /* for rig.arc; standard errors, 0 for values that were not estimated */
+/* For rig.arc. The values are standard errors; 0 for a value that was not estimated. */
+struct calibration_arc {
     gboolean known;
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
@@ -113,7 +114,8 @@ enum calibration_laser_value {
     CALIBRATION_LASER_VALUES,
 };
 
-struct calibration_laser { /* for rig.lasers; the members up to bend_rad are standard errors */
+/* For rig.lasers. The members up to bend_rad are standard errors. */
+struct calibration_laser {
     gboolean known;
     /* Only the component of the position across the axis has an error. The lines do not determine
      * the component along the axis. */

@@ -38,7 +38,8 @@ enum board_print {
 
 struct board {
     enum board_print print;
-    int columns, rows; /* number of squares, markers or circles in a row; number of rows */
+    /* columns: number of squares, markers or circles in a row. rows: number of rows. */
+    int columns, rows;
     /* Side of a square. For markers, the side of a marker plus the gap. For circles, the distance
      * between rows, which in a staggered grid is half the distance of neighbours in a row. */
     double square_mm;
@@ -72,10 +73,11 @@ gboolean board_parse(struct board *board, const char *spec, GError **error);
 /* returns a text for board_parse(); free it with g_free() */
 char *board_spec(const struct board *board);
 
-/* Returns FALSE with BOARD_ERROR_SPEC if the board looks the same upside down. This is so for a
- * chessboard whose numbers of columns and rows are both odd or both even, and for circles, except a
- * staggered grid with an odd number of rows. Such a board can calibrate a lens, but not the
- * position of anything. */
+/* Returns FALSE with BOARD_ERROR_SPEC if the board looks the same upside down. Such boards are
+ * - a chessboard whose numbers of columns and rows are both odd or both even;
+ * - a symmetric grid of circles;
+ * - a staggered grid of circles with an even number of rows.
+ * Such a board can calibrate a lens, but not the position of anything. */
 gboolean board_check_upright(const struct board *board, GError **error);
 
 /* Gives width and height of the print in mm, without a margin. */

@@ -23,9 +23,9 @@
 /* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
 #define STEP_MM 0.01 /* step of numerical derivatives */
-/* The local correction of the homography is a weighted linear fit to the detector's points. REACH
- * is the length over which the weights fall off, in squares. RIDGE damps the fit's slope, as a
- * share of the sum of weights. FEWEST is the smallest sum of weights for a correction. */
+/* The local correction of the homography is a weighted linear fit to the detector's points. REACH:
+ * length over which the weights fall off, in squares. RIDGE: damping of the fit's slope, as a share
+ * of the sum of weights. FEWEST: smallest sum of weights for which a correction is made. */
 #define REACH  1.0
 #define RIDGE  0.05
 #define FEWEST 1e-3
@@ -91,11 +91,14 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
 }
 
 /* Computes the second-order terms s of a map that removes the lens distortion near a point of the
- * picture. To first order, the map changes nothing. f and g are the projections with and without
- * distortion, and J and S their first derivatives. For each of three steps h with displacement (x,
- * y) = J h in the picture, J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both projections
- * include perspective, which keeps edges straight, so only distortion remains. On failure the terms
- * stay 0. */
+ * picture. To first order, the map changes nothing.
+ *
+ * f and g are the projections with and without distortion, and J and S are their first derivatives.
+ * Three steps h on the board are taken. Each of them moves the point by (x, y) = J h in the
+ * picture, and gives the equation J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both
+ * projections include perspective, which keeps edges straight, so only distortion remains.
+ *
+ * On failure the terms stay 0. */
 static void straighten(const struct board *board, BoardProject project, gconstpointer data,
                        const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
@@ -297,12 +300,14 @@ static void take_piece(const struct board *board, const GArray *from, const GArr
     }
 }
 
-/* Computes the homography through the corners of the detected markers that agree. These markers
- * form one connected set, or, if the largest set has less than half of the markers, agree with
- * one robust homography. from and to get the corners of the agreeing markers on the board and in
- * the picture, as doubles, two per point. ret_n gets the number of detected markers whose ids
- * are on the board. Returns the number of markers that agree. Returns 0 if fewer than two or
- * less than half of *ret_n agree, or if no homography fits. */
+/* Computes the homography through the corners of the detected markers that agree. First, these are
+ * the markers of the largest connected set (take_piece()). If this set has less than half of the
+ * markers, they are instead the markers that agree with one robust homography.
+ *
+ * from and to get the corners of the agreeing markers on the board and in the picture, as doubles,
+ * two per point. ret_n gets the number of detected markers whose ids are on the board. Returns the
+ * number of markers that agree. Returns 0 if fewer than two or less than half of *ret_n agree, or
+ * if no homography fits. */
 static int plane_through(const struct board *board, const GArray *found, double ret_h[9],
                          GArray *from, GArray *to, int *ret_n) {
     g_array_set_size(from, 0);
@@ -504,8 +509,8 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
 }
 
 /* Fits all corners at the places that the homography map->h and the points predict. from and seen
- * have the points on the board and in the picture, as doubles, two per point. The other members of
- * map are set. */
+ * have the points on the board and in the picture, as doubles, two per point. The caller sets
+ * map->h, and this function sets the other members of map. */
 static GArray *fit_by_map(const struct picture *picture, const struct board *board, struct map *map,
                           const GArray *from, const GArray *seen) {
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
@@ -599,10 +604,10 @@ static void gather_points(const struct board *board, BoardProject project, gcons
     board_values(board, at, to->n, to->value);
 }
 
-/* Returns the Pearson correlation of the printed values u with the values v of the picture,
- * shifted by (dx, dy) pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). Returns −1 if
- * u or v is constant. Also returns −1 unless more than a fifth of the points, and more than 100,
- * lie in the picture. */
+/* Returns the Pearson correlation of the printed values u with the values v of the picture, shifted
+ * by (dx, dy) pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). n is the number of points
+ * that lie in the picture. Returns −1 if u or v is constant, if n is at most 100, or if n is at
+ * most a fifth of all points. */
 static double correlate(const struct picture *picture, const struct points *points, int dx,
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;

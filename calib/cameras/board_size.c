@@ -14,9 +14,11 @@
 
 #define MAX_EXAMINED 8 /* largest number of pictures that are examined */
 /* number of pictures that must show the same other size of a board of squares */
-#define AGREE       2
-#define AGREE_GRIDS 3 /* number of pictures for grids of markers or circles, which have no edge */
-/* number of additional agreeing pictures that are needed for each picture of a third size */
+#define AGREE 2
+/* The same number for grids of markers or circles, whose print has no outer edge. */
+#define AGREE_GRIDS 3
+/* Each picture that shows a third size, neither the given size nor that of the agreeing pictures,
+ * raises the number of agreeing pictures by this number. */
 #define AGREE_MORE 2
 /* pictures are reduced to at most this longer side before they are examined */
 #define MAX_PX     1000
@@ -513,9 +515,10 @@ struct sighting {
 struct board_census {
     struct board given;
     GMutex lock;
-    gboolean settled; /* the given size is right, or MAX_EXAMINED pictures were examined */
+    /* TRUE if the given size is right, or if MAX_EXAMINED pictures were examined */
+    gboolean settled;
     int examined;
-    GArray *sightings; /* struct sighting, of pictures that show another size */
+    GArray *sightings; /* elements: struct sighting, of pictures that show another size */
 };
 
 static void clear_sighting(gpointer data) {

@@ -62,8 +62,8 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    /* camera and stop are indices. All observations of one picture have the same number `picture`.
-     * corner is only for the caller. */
+    /* Indices of the camera and of the stop. All observations of one picture have the same number
+     * `picture`. The adjustment does not use `corner`; the caller may store a number there. */
     int camera, stop, picture, corner;
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */

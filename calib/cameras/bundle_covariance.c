@@ -4,18 +4,22 @@
  * Let JᵀJ = G Gᵀ (Cholesky), so C = G⁻ᵀ G⁻¹. Then Gᵀ S G = Σ y yᵀ. A row j of the priors
  * contributes y = G⁻¹ jᵀ, and a picture contributes y = G⁻¹ J_iᵀ (I − J_i C J_iᵀ)^−½ r_i. Only a
  * few columns of J_i are not 0. Let W = Q R be the same columns of G⁻¹, B = J_i Rᵀ and BᵀB = V
- * diag(l) Vᵀ. Then y = Q V diag((1 − l)^−½) Vᵀ Bᵀ r_i. For the parameters of one camera, let W = Q
- * R be their columns of G⁻¹. Then C = RᵀR and S = Rᵀ (Σ z zᵀ) R with z = Qᵀ y. In this way no
- * nearly singular matrix is squared. The JᵀJ of a rational lens is nearly singular. */
+ * diag(l) Vᵀ. Then y = Q V diag((1 − l)^−½) Vᵀ Bᵀ r_i.
+ *
+ * For the parameters of one camera, let W = Q R be their columns of G⁻¹. Then C = RᵀR and S = Rᵀ (Σ
+ * z zᵀ) R with z = Qᵀ y. In this way no nearly singular matrix is squared. The JᵀJ of a rational
+ * lens is nearly singular. */
 #include "bundle_private.h"
 
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>
 
-#define MIN_LEFT  1e-6  /* smallest 1 − l at which a direction of B is used */
+/* Smallest 1 − l at which a direction of B is used, where l is an eigenvalue of BᵀB. */
+#define MIN_LEFT  1e-6
 #define MIN_RCOND 1e-15 /* smallest reciprocal condition number of the scaled JᵀJ */
-/* columns of a picture: camera, lay, angle, bend, wobble */
+/* largest number of columns in which the rows of one picture are not 0: those of its camera, lay
+ * and angle, of the bend and of the wobble */
 #define MAX_OWN (BUNDLE_CAMERA + 6 + 1 + 3 + BUNDLE_WOBBLE)
 
 struct factor {

@@ -50,7 +50,8 @@ struct bundle_linear {
     const int *rows, *columns;
     const double *values, *residuals;
     const int *lens, *pose;
-    /* first column of the wobble, or −1 if the wobble is fixed; number of columns of the wobble */
+    /* wobble: first column of the wobble, or −1 if the wobble is fixed. n_wobble: number of columns
+     * of the wobble. */
     int wobble, n_wobble;
 };
 

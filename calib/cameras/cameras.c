@@ -439,9 +439,10 @@ static void set_top(struct cameras_work *work) {
             b->cameras[c].shift[i] -= b->cameras[c].rotation[3 * i + 2] * up_mm;
 }
 
-/* Begins as cameras_begin(). If the boards do not fit, looks for a mistake in the notes on the
+/* Begins as cameras_begin() does. If the boards do not fit, looks for a mistake in the notes on the
  * pictures. Then, on a rig with a turntable, calls set_top(). Returns FALSE with an error if a
- * mistake was found, if the adjustment failed, or if cameras_check_start() refuses it. */
+ * mistake was found, if the adjustment failed, or if cameras_check_start() refuses the result of
+ * the adjustment. */
 static gboolean begin_or_find_mistake(struct cameras_work *work, GError **error) {
     g_autoptr(GError) why = NULL;
     cameras_start(work);

@@ -30,7 +30,8 @@ void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
 struct trial {
     struct bundle bundle;
     gboolean ok;
-    /* Loss of each picture, whose corners are predicted from the pictures of the other folds. */
+    /* Loss of each picture. A lens that was fitted to the other folds predicts the corners of the
+     * picture. */
     double *loss;
 };
 

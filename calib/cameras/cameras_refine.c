@@ -246,8 +246,8 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     return ok;
 }
 
-/* Sets `rejected` of the corners of one picture that are outliers. Returns whether few enough of
- * its corners are outliers. */
+/* Sets `rejected` of those corners of one picture that are outliers. Returns FALSE if so many
+ * corners are outliers that the picture must not be used. */
 static gboolean is_good(struct cameras_work *work, int picture) {
     struct bundle *b = &work->bundle;
     int rejected = 0, all = 0;

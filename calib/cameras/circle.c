@@ -1,8 +1,11 @@
-/* To find a circle of a board, an ellipse with a blurred edge is fitted to the grey values around
+/* To find a circle of a board, an ellipse with a blurred edge is fitted to the grey values I around
  * the edge:
  *   I = (1 + gx·x + gy·y) · (a + b·erf(s / √2σ)),  s = (q − 1) · q / |LᵀL d|,  q = |L d|.
- * d is the pixel minus the centre. L is 2 × 2, lower triangular, with |L d| = 1 on the ellipse. s
- * is the distance from the ellipse to first order. b is positive for dark circles. */
+ *
+ * (x, y) = d is the pixel minus the centre. L is 2 × 2, lower triangular, with |L d| = 1 on the
+ * ellipse. s is the distance from the ellipse to first order. a is the mean of black and white, and
+ * b is half their difference; b is positive for dark circles. σ is the blur, and (gx, gy) is a
+ * gradient of light. */
 #include "corner.h"
 
 #include <cminpack.h>

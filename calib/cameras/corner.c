@@ -6,12 +6,15 @@
 #include <math.h>
 #include <string.h>
 
-/* Model of the grey values around a corner at (0, 0):
- *   I = (1 + gx·x + gy·y) · (a + b·F(e₁, e₂)), e = erf(l / √2σ).
- * l₁, l₂ are the distances from the two edges. Where black squares touch, F = e₁e₂. Where two edges
- * end, l is positive inside, and F = (1 + e₁)(1 + e₂)/2 − 1. The gradient of light multiplies black
- * and white equally. An additive gradient would shift the corner by some thousandths of a pixel
- * where the contrast varies. */
+/* Model of the grey values I at (x, y) around a corner at (0, 0):
+ *   I = (1 + gx·x + gy·y) · (a + b·F(e₁, e₂)),  eᵢ = erf(lᵢ / √2σ).
+ *
+ * a is the level, b is the contrast, and σ is the blur. l₁, l₂ are the distances from the two
+ * edges. Where black squares touch, F = e₁e₂. Where two edges end, l is positive inside, and F = (1
+ * + e₁)(1 + e₂)/2 − 1.
+ *
+ * The gradient of light (gx, gy) multiplies black and white equally. An additive gradient would
+ * shift the corner by some thousandths of a pixel where the contrast varies. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
 #define MAX_PIXELS  1600

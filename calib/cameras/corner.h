@@ -2,10 +2,11 @@
  * This module finds the subpixel position of a board's corner. Two crossing straight edges, blurred
  * by lens and pixels, are fitted to the grey values around the corner. Other print (markers,
  * neighbouring corners) is excluded with the known geometry of the board. Boards may therefore be
- * seen at up to 75° from their normal, where a square is a few pixels high. The model includes a
- * gradient of light. The model looks the same after half a turn about the corner. Straight edges
- * with a symmetric blur look the same as well. A symmetric blur therefore does not shift the corner
- * that is found.
+ * seen at up to 75° from their normal, where a square is a few pixels high.
+ *
+ * The model includes a gradient of light. The model looks the same after half a turn about the
+ * corner, and so do straight edges with a symmetric blur. A symmetric blur therefore does not shift
+ * the corner that is found.
  *
  * For a marker that touches no black square, the corner is the end of two edges (one of the four
  * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c).

@@ -49,8 +49,8 @@ struct fit_result {
     int degrees_of_freedom;
     /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */
     double sigma;
-    /* Index of a parameter that the observations and priors do not determine, or −1 if there is
-     * none. It is also 0 if no degree of freedom is left. */
+    /* Index of a parameter that the observations and priors do not determine. It is −1 if there is
+     * no such parameter, and 0 if no degree of freedom is left. */
     int undetermined;
 };
 
