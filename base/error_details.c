@@ -9,8 +9,8 @@ struct details {
     int line;
 };
 
-/* GLib puts the data of a domain in front of the GError, and rounds their size up to this
- * alignment. */
+/* GLib puts the private data of an error in front of the GError, and rounds the size of these data
+ * up to this alignment. */
 #define ALIGNMENT (2 * sizeof(gsize))
 #define OFFSET    ((sizeof(struct details) + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT)
 

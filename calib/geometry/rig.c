@@ -54,8 +54,8 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);
 
-    /* For a camera that looks straight up or down, the cross product is 0. Its right vector is then
-     * that of a camera at azimuth 0. */
+    /* For a camera that looks straight up or down, the cross product is 0. The right vector of this
+     * camera is then that of a camera at azimuth 0. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){
@@ -191,10 +191,10 @@ static double fisheye_angle(const struct rig_camera *c, double radius) {
     return (low + high) / 2;
 }
 
-/* Applies p' = R p + t, then the lens, then the camera matrix. Returns FALSE for a point behind
- * the camera (a fisheye: exactly at the camera's centre or straight behind), and where the lens
- * model is not invertible, because the radius stops growing or the Jacobian's determinant is not
- * positive. */
+/* Applies p' = R p + t, then the lens, then the camera matrix. Returns FALSE for a point behind the
+ * camera (for a fisheye: exactly at the camera's centre or straight behind it). Also returns FALSE
+ * where the lens model is not invertible: the radius stops growing, or the Jacobian's determinant
+ * is not positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
     struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);

@@ -100,7 +100,9 @@ struct rig_lamp {
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
-    struct vec3 axis; /* unit; tangential, so that the line lies across the sweep */
+    /* Unit vector. Nominally it is horizontal and perpendicular to the azimuth of the laser, so
+     * that the line lies across the sweep. */
+    struct vec3 axis;
     /* Unit, perpendicular to axis: the normal at s = 0. Nominally, the sheet goes through the
      * origin at s = 0. */
     struct vec3 normal;

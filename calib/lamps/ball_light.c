@@ -151,10 +151,10 @@ gboolean ball_light_on_sphere(struct vec3 from, struct vec3 direction, struct ve
     return TRUE;
 }
 
-/* The direction of the light turns by twice the angle of the normal. The sine of this angle is the
- * distance of the highlight from the middle of the ball, in radii. An error of the highlight's
- * position is therefore divided by the cosine in the radial direction, and multiplied by the cosine
- * in the tangential direction. */
+/* If the normal turns by an angle, the direction of the light turns by twice that angle. Let γ be
+ * the angle between the normal and the direction to the camera. The distance of the highlight from
+ * the middle of the ball is sin γ, in radii. An error of the highlight's position is therefore
+ * divided by cos γ in the radial direction, and multiplied by cos γ in the tangential direction. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px) {
     const double sine = hypot(x_px - ball->x_px, y_px - ball->y_px) / ball->radius_px;

@@ -21,14 +21,19 @@ struct ball_camera {
 };
 
 /* Computes the unit direction *ret of the light whose highlight is at a point of the ball and has
- * the given second moments. This is the mean direction of the highlight's light, or, if the
- * highlight reaches beyond the ball, the direction at the highlight's centroid. The mean direction
- * is further outwards than the direction at the centroid. *ret_from is the highlight's place on the
- * ball, in radii of the ball. With a focal length, this place is relative to the camera, otherwise
- * to the middle of the ball. *ret_shift_rad is the angle between the mean direction and the
- * direction at the centroid. If the highlight is mainly blur, the direction at the centroid is more
- * accurate. Returns FALSE if the point is outside the ball, or if the ball's outline is too large
- * for the focal length. */
+ * the given second moments. This is the mean direction of the light in the highlight. If the
+ * highlight reaches beyond the ball, *ret is instead the direction at the highlight's centroid.
+ *
+ * *ret_shift_rad is the angle between the mean direction and the direction at the centroid. The
+ * mean direction is the one further outwards. If the highlight is mainly blur, the direction at the
+ * centroid is more accurate.
+ *
+ * *ret_from is the place of the highlight on its ball, in radii of the ball. With a focal length,
+ * this place is relative to the camera. Without a focal length, it is relative to the middle of the
+ * ball.
+ *
+ * Returns FALSE if the point is outside the ball, or if the ball's outline is too large for the
+ * focal length. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,
@@ -67,8 +72,8 @@ struct ball_light {
     struct vec3 direction; /* unit vector: mean direction of the rays that agree */
     double sigma_rad;      /* RMS error of the direction */
     gboolean placed; /* the rays determine the position of the light, not only its direction */
-    /* If placed: the position of the light, and the standard deviation of each coordinate, in
-     * radii. */
+    /* If placed: the position of the light, in radii. place_error has the standard deviation of
+     * each coordinate. */
     struct vec3 place, place_error;
     double miss;                       /* if placed: RMS distance of the rays from `place`, radii */
     gboolean left_out[BALL_LIGHT_MAX]; /* the ray contradicts the majority */

@@ -23,11 +23,12 @@
 #define SEEN  0.48
 #define EDGES 3 /* candidate edges per ray, strongest first; the ball itself also has edges */
 /* factor of the standard error, because neighbouring edges are correlated */
-#define NEIGHBOURS  3.0
-#define AGREE       0.01 /* share of the radius within which an edge agrees */
-#define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
-#define ROUNDS      5    /* rounds of fitting with outlier rejection */
-#define FLOOR_PX    0.1  /* added in quadrature to the standard error */
+#define NEIGHBOURS 3.0
+#define AGREE      0.01 /* share of the radius within which an edge agrees */
+/* Radius of the smallest circle that is searched for. Smaller circles have too few edges. */
+#define SMALLEST_PX 32
+#define ROUNDS      5   /* rounds of fitting with outlier rejection */
+#define FLOOR_PX    0.1 /* added in quadrature to the standard error */
 #define MAX_STEPS   4096
 
 struct edges {
@@ -77,9 +78,9 @@ static double root_at(const struct picture *picture, double x, double y) {
            t * ((1 - s) * sqrt(MAX((double)next[0], 0)) + s * sqrt(MAX((double)next[1], 0)));
 }
 
-/* Adds the absolute smoothed derivatives along each ray, both of the square root of light and of
- * light. Light is relative to the brightest place on the ray, so that a highlight in one picture
- * does not outweigh the outline in the others. */
+/* Adds the absolute values of two smoothed derivatives along each ray: that of light, and that of
+ * the square root of light. Light is relative to the brightest place on the ray, so that a
+ * highlight in one picture does not outweigh the outline in the others. */
 void ball_edges_add(BallEdges *edges, const struct picture *picture) {
     const struct ball_outline *given = &edges->given;
     g_autofree double *values = g_new0(double, edges->n);
@@ -108,10 +109,12 @@ void ball_edges_add(BallEdges *edges, const struct picture *picture) {
     }
 }
 
-/* Returns the place of a ray's strongest edge, and clears its surroundings. The place is found in
- * the derivative of light itself, by a parabola to a fraction of a step. Blur would move the edge
- * of the square root towards the dark side. The place is in px along the searched part of the ray.
- * Returns 0 if no edge is left. */
+/* Returns the place of a ray's strongest edge, in px along the searched part of the ray, and clears
+ * its surroundings. Returns 0 if no edge is left.
+ *
+ * The edge is chosen by the derivative of the square root of light. The place is then found in the
+ * derivative of light itself, because blur moves the edge of the square root towards the dark side.
+ * A parabola gives the place to a fraction of a step. */
 static double take_edge(double *changes, const double *squared, int n, double least) {
     int best = 1;
     for (int i = 2; i < n - 1; i++)

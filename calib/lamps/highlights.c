@@ -1,8 +1,9 @@
 /* Highlights are connected regions above a share of their peak. The lamp is the highlight with the
  * largest energy Σ (I − background)². Its position is the centroid of the light above that share.
- * The share is EDGE, or a larger share if the region would otherwise be too large. This happens
- * with glare, or with a plate that the ball mirrors as a ring, if they are brighter than a fifth of
- * the lamp. */
+ *
+ * The share is EDGE. A larger share is used if the region would otherwise be too large or reach the
+ * border of the circle. This happens if glare, or the ring in which the ball mirrors a plate, is
+ * brighter than a fifth of the lamp. */
 #include "highlights.h"
 
 #include "geometry/fit.h"
@@ -44,8 +45,8 @@
 /* largest area of a spot, relative to the area of the ball in the picture */
 #define SPOT_SHARE 0.2
 
-/* If the other pictures have on average this share of a spot, the spot is not the lamp. The share
- * is one of square roots of light. */
+/* A spot is not the lamp if the other pictures are on average more than this share as bright there
+ * as this picture. The comparison uses square roots of light. */
 #define STAYS 0.5
 
 #define NOWHERE 0 /* label of pixels without a spot */
@@ -132,8 +133,8 @@ static int brightest(const struct window *w) {
 }
 
 /* Labels the region connected with the peak whose values are above a share of the peak (flood
- * fill). halo is set if the region touches another spot, cut if it reaches the border of the
- * circle. */
+ * fill). Sets halo if the region touches another spot. Sets cut if the region reaches the border of
+ * the circle. */
 static void grow(struct window *w, int peak, double share, struct spot *spot) {
     const float least = w->level + (float)share * spot->height;
     spot->first = w->n_members;
@@ -228,10 +229,10 @@ static double root_of(float light) {
     return sqrt(MAX((double)light, 0));
 }
 
-/* Returns whether the other photographs are on average as bright at the spot, up to the factor
- * STAYS. Returns FALSE if there are fewer than three photographs. The comparison uses square roots
- * of light above the background. The mean of the others is (n m − s) / (n − 1), where m is the mean
- * of all n photographs and s this one. */
+/* Returns whether the other photographs also show the spot: their brightness there is on average
+ * more than STAYS times that of this photograph. Returns FALSE if there are fewer than three
+ * photographs. The comparison uses square roots of light above the background. The mean of the
+ * others is (n m − s) / (n − 1), where m is the mean of all n photographs and s this one. */
 static gboolean highlights_stays(const struct window *w, const struct spot *spot,
                                  const struct highlight_mean *mean) {
     const double level = root_of(w->level);
@@ -286,8 +287,8 @@ static gboolean any_stays(const GArray *spots) {
 }
 
 /* Returns whether a spot may be a lamp's mirror image. A spot with fewer than SPECK pixels may be
- * dust or a hot pixel. Such a spot must be far brighter than the rest, and other photographs must
- * show that it does not stay. */
+ * dust or a hot pixel. It must be far brighter than the rest. There must also be at least three
+ * photographs, because they show whether the spot is only in this one. */
 static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
                             const struct highlight_mean *mean) {
     if (spot->streak || spot->stays || spot->large || spot->pixels < MIN_PIXELS)

@@ -39,10 +39,14 @@ struct highlight_mean {
 
 /* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
  * largest energy. A saturated spot is less accurate, because only its border determines its
- * position. Specks and streaks are ignored. `mean` may be NULL. If it shows at least two other
- * photographs, spots that these photographs also show (dust, windows, lamps of the room) are
- * ignored. Spots larger than max_px are not mirror images of a lamp. Returns NULL on success.
- * Otherwise returns the reason, such as "is not wholly in the picture", to which the caller
- * prefixes the name of the ball. Free it with g_free(). */
+ * position.
+ *
+ * These spots are not taken for the lamp:
+ * - specks, streaks, and spots larger than max_px;
+ * - spots that other photographs also show (dust, windows, lamps of the room), if `mean` is not
+ *   NULL and shows at least two other photographs.
+ *
+ * Returns NULL on success. Otherwise returns the reason, such as "is not wholly in the picture", to
+ * which the caller prefixes the name of the ball. Free it with g_free(). */
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
                      double y_px, double radius_px, double max_px, struct highlight *ret);

@@ -1,8 +1,11 @@
 /* Least squares (geometry/fit.h) over all sights. A residual is the predicted minus the measured
- * position, divided by its standard deviation. Parameters: tilt and centre of the arc's axis (4),
- * if lamps are on it; positions of the lamps (3 each); positions and sizes of the marks (2 + 1
- * each); offsets of the cameras (2 each, prior σ = LAMPS_CAMERA_PX); errors of the drives' angles
- * (1 each, σ estimated by drive.h). */
+ * position, divided by its standard deviation. The parameters are
+ *   tilt and centre of the arc's axis  4, if lamps are on the arc
+ *   position of each lamp              3
+ *   position of each mark              2
+ *   size of each mark                  1
+ *   offset of each camera              2, with the prior σ = LAMPS_CAMERA_PX
+ *   error of each angle of a drive     1, with σ estimated by drive.h */
 #include "lamps.h"
 
 #include "base/residual.h"
@@ -22,11 +25,13 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 /* A lamp counts as exchanged with another lamp if the distance from its own place is more than this
  * factor times the distance from the other lamp's place. */
 #define EXCHANGED 5.0
-/* Constants of the search for other sizes of the marks. LOOSE: standard deviation of a size, as a
- * share of the largest size. BETTER: factor by which the sights must fit better. EXPLAINED: largest
- * residual afterwards, in standard deviations. CERTAIN: standard errors (or tolerances, if
- * these are larger) from which a size is different. ALIKE: range of the ratios of sizes that are
- * all wrong by the same factor. */
+/* Constants of the search for other sizes of the marks:
+ *   LOOSE      standard deviation of a size, as a share of the largest size
+ *   BETTER     factor by which the sights must fit better
+ *   EXPLAINED  largest residual afterwards, in standard deviations
+ *   CERTAIN    number of standard errors (or tolerances, if these are larger) from which a size
+ *              counts as different
+ *   ALIKE      range of the ratios of sizes that are all wrong by the same factor */
 #define MISFITS   0.03 /* share of sights that do not fit above which a mistake is searched for */
 #define LOOSE     0.2
 #define BETTER    3.0

@@ -5,8 +5,8 @@
  *
  * The part of the plate that a post hides from a camera counts as a shadow whose lamp is the
  * camera. The position of this lamp is known, so that the shadow locates the post. The shadows of
- * the lamps alone would not do. Lamps that are nearer shift the ends of the shadows in nearly the
- * same way as posts that stand farther apart.
+ * the lamps alone would not be sufficient, because lamps that are nearer shift the ends of the
+ * shadows in nearly the same way as posts that stand farther apart.
  *
  * A post's shadow ends where the ray from the lamp over its top meets the plate. A ball shows the
  * lamp where its normal bisects the angle between camera and lamp. All sights of all lamps, at all
@@ -19,12 +19,12 @@
  * deviations are estimated. The marks' sizes are also parameters, within their tolerance.
  *
  * A pointing error of a camera of some hundredths of a pixel would shift everything that the camera
- * sees. It is a parameter with mean 0 and standard deviation LAMPS_CAMERA_PX.
+ * sees. Such an error is a parameter with mean 0 and standard deviation LAMPS_CAMERA_PX.
  *
- * A shift of the zero of the arc's angle is equivalent to a rotation of all lamps about its axis.
- * The zero is chosen so that the lamps are closest to the nominal ones. If no lamp is on the arc,
- * the axis and its zero are not adjusted, and each lamp's position is estimated directly in the rig
- * frame.
+ * A shift of the zero of the arc's angle is equivalent to a rotation of all lamps about the arc's
+ * axis. The zero is chosen so that the lamps are closest to the nominal ones. If no lamp is on the
+ * arc, the axis and its zero are not adjusted, and each lamp's position is estimated directly in
+ * the rig frame.
  *
  * The functions are pure, and any thread may call them.
  */
@@ -80,7 +80,8 @@ struct lamp_sight {
     int lamp;
     int camera, mark;
     double turntable_rad, arc_rad;
-    /* posts: end of the shadow of the top on the plate, mm, sample frame; balls: px */
+    /* For a post: the end of the shadow of its top on the plate, in mm, in the sample frame. For a
+     * ball: the highlight in the picture, in px. */
     double x, y;
     double sigma; /* standard deviation of x and of y, in their unit */
 };

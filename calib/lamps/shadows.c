@@ -1,5 +1,7 @@
-/* Measures shadows in the plane of the plate. Each pixel has a position there (struct plate_map),
- * and a value relative to the lit plate: value = I / (E cos θ · pattern · level). */
+/* Measures shadows in the plane of the plate. Each pixel has a position on the plate (struct
+ * plate_map) and a value I. The value relative to the lit plate is I / (E cos θ · pattern · level),
+ * where E cos θ is the lamp's irradiance on the plate, `pattern` is the print of the plate, and
+ * `level` is the level of the lit plate in the picture. */
 #include "shadows_private.h"
 
 #include "geometry/fit.h"
@@ -315,9 +317,9 @@ static void measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm, s
         fit_end(w, sights, rejected);
 }
 
-/* The residuals of a few pixels estimate a sight's error poorly. The variance is therefore averaged
- * with the square of the median error of the view's sights, which begin at `first`. Posts
- * themselves (bodies) and shadows have separate medians. */
+/* A sight's error, estimated from the residuals of a few pixels, is inaccurate. The variance is
+ * therefore averaged with the square of the median error of the view's sights, which begin at
+ * `first`. Posts themselves (bodies) and shadows have separate medians. */
 static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = first; i < sights->len; i++) {

@@ -42,7 +42,8 @@ G_DEFINE_QUARK(laser_error, laser_error)
 
 /* distance from the origin of the points that give the gradients of a sheet */
 #define SLOPE_MM 30.0
-/* share of a variance; an error comes from the prior if the prior causes more than this share */
+/* An error counts as coming from the prior if the prior causes more than this share of the
+ * variance. */
 #define PRIOR_SHARE 0.25
 /* distance in px of pixels whose peaks are compared: one period of a colour filter */
 #define APART    2
@@ -69,9 +70,10 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1 if the laser is not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of; /* n: index of the arc's angle; −1 for a laser that is not on the arc */
+    /* for each point, the index of the arc's angle; −1 for a laser that is not on the arc */
+    int *swing_of;
     gboolean flat[RIG_MAX_LASERS]; /* TRUE: the bend is not adjusted */
-    /* height as given of the plane whose height is also adjusted; NAN: none */
+    /* given height of the plane whose height is adjusted; NAN if no height is adjusted */
     double plane_mm;
     /* index of the parameter that says how much higher that plane is */
     int height_at;
@@ -267,7 +269,7 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
         const struct laser_point *p = &problem->points[i];
         if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
             continue;
-        /* tenths of a degree, which distinguish the steps */
+        /* A step is identified by its sweep angle in tenths of a degree. */
         gint64 key = llround(p->sweep_rad * 180 / G_PI * 10);
         struct tally *tally = g_hash_table_lookup(steps, &key);
         if (!tally) {
@@ -685,11 +687,12 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
 }
 
 /* Checks whether another height of one plane explains the lines much better. If so, returns FALSE
- * with LASER_ERROR_MISTAKE. is_mm is the RMS of the lines with the given heights. All cameras see
- * the same line where a sheet cuts a plane. This determines the height of each plane. A single
- * camera that sees a sheet from several sides determines only the ratio of the planes' distances
- * from the camera. Then one or the other of two heights may be wrong, and the error names both. In
- * all other cases the standard error of a height is large, and nothing is reported. */
+ * with LASER_ERROR_MISTAKE. is_mm is the RMS of the lines with the given heights.
+ *
+ * Several cameras see the same line where a sheet cuts a plane, and so determine the height of each
+ * plane. A single camera that sees a sheet from several sides determines only the ratio of the
+ * planes' distances from the camera. Either of two heights may then be wrong, and the error names
+ * both. In all other cases the standard error of a height is large, and nothing is reported. */
 static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
                               const char *const *sweep_names, double is_mm, GError **error) {
     struct height {

@@ -49,9 +49,12 @@ struct laser_step { /* deviation of one step of one sweep from the model */
 struct laser_result {
     struct rig rig; /* the rig with the estimated lasers and axis of the arc */
     gboolean seen[RIG_MAX_LASERS];
-    /* Standard errors. source_error_mm: position of the source across the axis; the position along
-     * the axis is undetermined. axis_error_rad: direction of the axis. zero_error_rad and
-     * stretch_error: zero and stretch of the sweep. */
+    /* Standard errors:
+     *   source_error_mm  position of the source across the axis; the position along the axis is
+     *                    undetermined
+     *   axis_error_rad   direction of the axis
+     *   zero_error_rad   zero of the sweep
+     *   stretch_error    stretch of the sweep */
     double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
@@ -72,8 +75,8 @@ struct laser_result {
     double line_rad[RIG_MAX_LASERS];
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc's axis */
-    /* rms_all_mm: RMS distance of all used points from their sheets. sigma: RMS of these distances,
-     * each divided by its expected standard deviation. */
+    /* RMS distance of all used points from their sheets. sigma is the RMS of these distances, each
+     * divided by its expected standard deviation. */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per point; owned */

@@ -30,7 +30,8 @@ struct view { /* a photograph, with one set of camera parameters */
     struct laser_pose pose;
     double share[2][2]; /* the two points of the line on the board: middle ± h along the line, mm */
     double across[2];   /* unit vector on the board, perpendicular to the line */
-    /* standard errors across the line: of its middle, and of its slope, at the distance h */
+    /* Standard errors across the line: that of its middle, and that caused by its slope at the
+     * distance h from the middle. */
     double offset_sigma_mm, slope_sigma_mm;
     struct vec3 ends[2]; /* rig frame */
 };
@@ -53,8 +54,9 @@ static struct vec3 to_rig(const struct rig_camera *camera, const struct laser_po
     return mat3_mul_transposed(&camera->rotation, vec3_sub(seen, camera->translation_mm));
 }
 
-struct moments { /* sums over points on the board: of the weights w (n), and of w x, w y, w x², w x
-                    y and w y² */
+/* Sums over points (x, y) on the board: of the weights w (n), and of w x, w y, w x², w x y and w
+ * y². */
+struct moments {
     double n, x, y, xx, xy, yy;
 };
 

@@ -45,11 +45,11 @@ struct laser_plane {
     double offset_error_mm;  /* standard error of the plane at point_mm */
     /* standard error of the normal, in the direction in which it is largest */
     double tilt_error_rad;
-    /* RMS distance of the lines from the plane. rms_mm: as measured. expected_rms_mm: as expected
-     * from the errors of the lines. */
+    /* RMS distance of the lines from the plane. expected_rms_mm is the value that the errors of the
+     * lines would cause. */
     double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
-    /* used: number of photographs that were used. dots: number of dots in these photographs. */
+    /* Number of photographs that were used, and number of dots in these photographs. */
     int used, dots;
     /* RMS distance of each photograph's line from the plane, also if it was left out */
     double *off_mm;

@@ -25,9 +25,10 @@ struct picture_job {
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
 /* Runs the program and returns what it has written. `library` is the name of the library that reads
- * the file, for messages. `told` may be NULL. Returns NULL with an error on failure: with the error
- * of the program or of `told`, with PICTURE_FILE_ERROR_IO if the program has crashed or has ended
- * without a result, or with another error if the program cannot be started. */
+ * the file, for messages. `told` may be NULL. On failure returns NULL with one of these errors:
+ * - the error of the program or of `told`;
+ * - PICTURE_FILE_ERROR_IO if the program has crashed or has ended without a result;
+ * - another error if the program cannot be started. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 

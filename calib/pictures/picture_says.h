@@ -40,9 +40,9 @@ struct picture_says {
      * from the EXIF tag of this time or, if there is none, from the date among the file's TIFF
      * tags. It is 0 if neither is given, or if the tag that is used has no valid time. */
     gint64 taken_us;
-    /* focal_mm: focal length of the lens. pixels_per_mm: number of pixels per mm of the sensor, in
-     * a picture whose longer side has full_px pixels. Each is 0 if it is not given. full_px may be
-     * 0 although pixels_per_mm is given. */
+    /* Focal length of the lens, and number of pixels per mm of the sensor in a picture whose longer
+     * side has full_px pixels. Each is 0 if it is not given. full_px may be 0 although
+     * pixels_per_mm is given. */
     double focal_mm, pixels_per_mm, full_px;
     double film_mm; /* focal length that gives the same picture on 35 mm film; 0 if not given */
 };

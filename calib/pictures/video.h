@@ -33,13 +33,18 @@ typedef struct video {
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG). Its first
- * bytes must show one of these formats, so that FFmpeg does not open other files. At least most / 2
- * + 1 and at most `most` frames are kept. There are two exceptions: of a shorter video, all frames
- * are kept; and fewer frames are kept if they would need too much memory. A `most` below 2 counts
- * as 2.
- * Returns NULL with INPUT_FILE_ERROR, an error of picture_child_run(), PICTURE_FILE_ERROR_IO if the
- * result of the program is incomplete, or the error of progress; progress may be NULL. A rotation
- * in the file is ignored: pixels stay as on the sensor. */
+ * bytes must show one of these formats, so that FFmpeg does not open other files. A rotation in the
+ * file is ignored: pixels stay as on the sensor.
+ *
+ * At least most / 2 + 1 and at most `most` frames are kept. There are two exceptions: of a shorter
+ * video, all frames are kept; and fewer frames are kept if they would need too much memory. A
+ * `most` below 2 counts as 2.
+ *
+ * progress may be NULL. On failure returns NULL with one of these errors:
+ * - INPUT_FILE_ERROR;
+ * - an error of picture_child_run();
+ * - PICTURE_FILE_ERROR_IO if the result of the program is incomplete;
+ * - the error of progress. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
 /* A video_head is the first part of what the separate program writes for video_read(). For each
