@@ -21,7 +21,7 @@ struct entry {
 
 struct Config {
     char *path, *text;
-    GArray *sections;  /* of struct config_section */
+    GArray *sections;  /* elements: struct config_section */
     GHashTable *lines; /* key: "class name", owned; value: the line of that section */
     /* elements: struct config_problem; NULL if problems are added to mistakes instead */
     GArray *problems;

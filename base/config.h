@@ -1,5 +1,6 @@
 /*
- * Configuration files in GKeyFile syntax, with the line of every key kept for error messages.
+ * This module reads configuration files in GKeyFile syntax. It keeps the line of every key for
+ * error messages.
  *
  * A section "[class name]" (as in "[axis turntable]") has a class and a name; "[session]" has only
  * a class. A Config is read once and never changed; it may be read from any thread.
@@ -95,8 +96,8 @@ const char *config_text(const Config *config);
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
 /* Returns the section with this class and name. If name is NULL, returns the only section of the
- * class. Returns NULL if there is none, if its heading is broken, or if name is NULL and the class
- * has several sections. */
+ * class. Returns NULL if there is no such section, if its heading is broken, or if name is NULL and
+ * the class has several sections. */
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 

@@ -1,5 +1,5 @@
-/* Errors in the content of a file, table or session. Every folder of the source that reads data
- * uses this domain. */
+/* This error domain is for errors in the content of a data file, a table or a session. The code of
+ * every folder may use it. */
 #pragma once
 
 #include <glib.h>

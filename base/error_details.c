@@ -69,7 +69,7 @@ GError *error_details_new_valist(GQuark domain, int code, const char *subject, c
     GError *error =
         g_error_new(domain, code, "%s%s%s", subject ? subject : "", subject ? ": " : "", text);
     struct details *details = details_of(error);
-    g_assert(details); /* is NULL only if error_details_domain() did not make the domain */
+    g_assert(details); /* details is NULL only if error_details_domain() did not make the domain */
     *details = (struct details){.subject = g_strdup(subject),
                                 .text = g_steal_pointer(&text),
                                 .what = g_strdup(*parts ? *parts : ""),

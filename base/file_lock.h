@@ -24,6 +24,6 @@ int file_lock_take_output(const char *path, char **ret_lock, GError **error);
  * −1 is ignored. */
 void file_lock_give(int lock, const char *path);
 
-/* Returns whether another descriptor holds the lock at path. Does not take the lock, even for a
- * moment. */
+/* Returns whether another open descriptor holds the lock at path. Does not take the lock, even for
+ * a moment. */
 gboolean file_lock_is_held(const char *path);

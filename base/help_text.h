@@ -6,8 +6,8 @@
 
 G_BEGIN_DECLS
 
-/* If the arguments ask for help (-h, --help), prints the help of the program and ends it with exit
- * code 0. Call it before g_option_context_parse(). */
+/* If the arguments ask for help (-h, --help), prints the help of the program and ends the program
+ * with exit code 0. Call it before g_option_context_parse(). */
 void help_text_answer(GOptionContext *context, int argc, char **argv);
 
 /* Returns an entry of a list: the name, and from column 24 on the description, in lines of at most

@@ -6,8 +6,8 @@
 #define KEPT 1000
 
 struct Mistakes {
-    GPtrArray *list;   /* of GError *, in the order in which they were found */
-    GHashTable *texts; /* set of the texts of the errors in list, which owns them */
+    GPtrArray *list;   /* elements: GError *, in the order in which they were found */
+    GHashTable *texts; /* the texts of the errors, as a set; the strings belong to list */
     guint n_dropped;
 };
 

@@ -87,8 +87,8 @@ gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
     return new_file_write(file->fd, bytes, n);
 }
 
-/* Returns whether the name is free or belongs to a file, link or folder. Otherwise sets errno to
- * EEXIST, because a device, a pipe or a socket is never replaced. */
+/* Returns TRUE if the name is free or belongs to a file, link or folder. Otherwise sets errno to
+ * EEXIST and returns FALSE, because a device, a pipe or a socket is never replaced. */
 static gboolean may_replace(const struct new_file *file) {
     struct stat status;
 

@@ -8,19 +8,21 @@
  * - A file that Mesorig itself has written as the same kind of product may be replaced, and the
  *   program says so (output_file_note()).
  * - A character device or a pipe is written to. A folder, a socket and a disk (block device) are
- *   refused. None of them is ever replaced.
+ *   refused. None of these is ever replaced.
  * - A symbolic link is followed and kept. A link to a file that does not exist is refused.
  *
- * A program calls output_file_new() before its long work, so that the user learns early that a
- * name is refused. It calls output_file_end() when the file is complete. Until then the file is in
- * a separate folder next to its final place, NAME.XXXXXXXX.part. If it cannot be moved to its
- * place, it is kept next to that place, and the error names it. For a device or pipe, that folder
- * is in the folder for temporary files, and a file that cannot be delivered is kept there.
+ * A program calls output_file_new() before its long work, so that the user learns early that a name
+ * is refused. It calls output_file_end() when the file is complete. Until then the file is in a
+ * separate folder NAME.XXXXXXXX.part next to its final place. For a device or pipe, this folder is
+ * in the folder for temporary files.
+ *
+ * If a complete file cannot be delivered, it is kept, and the error names it. It is then next to
+ * its final place, or for a device or pipe in the folder for temporary files.
  *
  * A file is of a kind if it contains "mesorig.kind" and the kind: as an attribute of an EXR, as a
  * text chunk of a PNG, or as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or
  * of a text. Other formats cannot contain the kind. Their kind is NULL, and an existing file is
- * always refused without --force. Any thread may call these functions.
+ * always refused without --force. Any thread may call the functions.
  */
 #pragma once
 
@@ -39,8 +41,8 @@ OutputFile *output_file_new(const char *path, const char *kind, gboolean force, 
 OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
                                    GError **error);
 
-/* Removes the file that was written, unless output_file_end() has delivered or kept it. Gives the
- * lock back. NULL is ignored. */
+/* Removes the file that was written, unless output_file_end() has delivered or kept it. Releases
+ * the lock. NULL is ignored. */
 void output_file_free(OutputFile *file);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(OutputFile, output_file_free)
 

@@ -12,8 +12,8 @@ void program_set_locale(void) {
     setlocale(LC_COLLATE, "");
 }
 
-/* Searches a file that passes the test next to this executable and in ../libexec/mesorig relative
- * to it. Returns NULL if it is in neither folder. */
+/* Searches for a file that passes the test, next to this executable and in ../libexec/mesorig
+ * relative to it. Returns NULL if neither folder has such a file. */
 static char *find_beside(const char *name, GFileTest test) {
     static const char *const places[] = {"", "../libexec/mesorig"};
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);

@@ -6,9 +6,9 @@
 
 G_BEGIN_DECLS
 
-/* Returns the path of a program. It is searched next to this executable, in ../libexec/mesorig
- * relative to it, and in PATH. Free it with g_free(). Returns NULL with G_FILE_ERROR_NOENT if the
- * program is not found. */
+/* Returns the path of a program. The program is searched for next to this executable, in
+ * ../libexec/mesorig relative to it, and in PATH. Free the path with g_free(). Returns NULL with
+ * G_FILE_ERROR_NOENT if the program is not found. */
 char *program_find(const char *name, GError **error);
 
 /* The same as program_find() for a shared object that this program loads. PATH is not searched. */

@@ -7,9 +7,10 @@
 
 typedef struct ScratchFile ScratchFile;
 
-/* Makes a file of this size in the folder, or in the directory of temporary files if it cannot
- * be made in the folder. The space is reserved now, so that a full disk is reported here. content
- * names what is kept, for errors: "the values of the BTF". It must remain valid. */
+/* Makes a file of this size in the folder, or in the directory of temporary files if it cannot be
+ * made in the folder. The space is reserved now, so that a full disk is reported here. content says
+ * for error messages what the file contains: "the values of the BTF". The string is not copied and
+ * must remain valid. */
 ScratchFile *scratch_file_new(const char *folder, guint64 bytes, const char *content,
                               GError **error);
 void scratch_file_free(ScratchFile *file); /* NULL is ignored */

@@ -13,9 +13,9 @@ struct TextTable {
     char *path;
     char separator;
     int head_line;
-    GPtrArray *names; /* of char * */
-    GPtrArray *rows;  /* of GPtrArray of char * */
-    GArray *lines;    /* of int */
+    GPtrArray *names; /* elements: char * */
+    GPtrArray *rows;  /* elements: GPtrArray of char * */
+    GArray *lines;    /* elements: int */
 };
 
 void text_table_free(TextTable *table) {

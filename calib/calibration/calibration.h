@@ -204,11 +204,12 @@ char *calibration_to_text(const struct calibration *calibration);
  * is wrong, the section and the key. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
 
-/* Writes the file atomically, by renaming a temporary file. Returns FALSE and leaves an existing
- * file as it is if its new text cannot be read back, or if writing fails. */
+/* Writes the file atomically, by renaming a temporary file. The new text is first read back. If it
+ * cannot be read back, or if writing fails, returns FALSE with an error, and an existing file is
+ * not changed. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
-/* Reads a file of at most 16 MiB as calibration_from_text() reads its text. Returns NULL with
- * G_FILE_ERROR for an error of the system, and with RIG_ERROR if the file is not a calibration. */
+/* The same as calibration_from_text() for a file of at most 16 MiB. Returns NULL with G_FILE_ERROR
+ * for an error of the system, and with RIG_ERROR if the file is not a calibration. */
 struct calibration *calibration_read(const char *path, GError **error);
 
 /* Checks that the calibration belongs to this rig. The id, and the numbers and names of cameras,

@@ -14,11 +14,15 @@
  *   staggered   circles in rows. Every second row is moved right by half the distance of two
  *               neighbours (OpenCV's asymmetric grid).
  *
- * Board frame: millimetres, as printed and seen from above: x to the right, y up, z out of the
- * print; the origin is the centre. A board's corners are, by id,
- *   of a chessboard or ChArUco board the inner corners, along rows from the top left;
- *   of markers their corners: 4 · marker + 0 … 3, clockwise from the marker's own top left one;
- *   of circles their centres, along rows from the top left.
+ * The board frame is in millimetres, as printed and seen from above: x to the right, y up, z out of
+ * the print. The origin is the centre of the print.
+ *
+ * A corner of a board is a point that can be found in pictures. Corners have these ids:
+ *
+ *   chessboard, ChArUco  inner corners of the squares, along rows from the top left;
+ *   markers              corners of the markers: 4 · marker + 0 … 3, clockwise from the marker's
+ *                        own top left one;
+ *   circles, staggered   centres of the circles, along rows from the top left.
  *
  * The functions except board_draw() are pure. Any thread may call all functions.
  */
@@ -110,7 +114,7 @@ struct board_drawing {
     double pixels_a_mm; /* pixels per millimetre of a PNG; SVG and PDF do not use it */
 };
 /* Writes an SVG, PDF (true to scale) or PNG file. The path must end in .svg, .pdf or .png. Returns
- * FALSE with BOARD_ERROR_SPEC if it does not, or if a PNG would have too many pixels, and with
- * BOARD_ERROR_IO if the file cannot be written. */
+ * FALSE with BOARD_ERROR_SPEC if the path ends otherwise, or if a PNG would have too many pixels.
+ * Returns FALSE with BOARD_ERROR_IO if the file cannot be written. */
 gboolean board_draw(const struct board *board, const char *path,
                     const struct board_drawing *drawing, GError **error);

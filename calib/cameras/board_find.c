@@ -23,9 +23,10 @@
 /* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
 #define STEP_MM 0.01 /* step of numerical derivatives */
-/* The local correction of the homography is a weighted linear fit to the detector's points. REACH:
- * length over which the weights fall off, in squares. RIDGE: damping of the fit's slope, as a share
- * of the sum of weights. FEWEST: smallest sum of weights for which a correction is made. */
+/* The local correction of the homography is a weighted linear fit to the detector's points.
+ *   REACH   length over which the weights fall off, in squares
+ *   RIDGE   damping of the fit's slope, as a share of the sum of weights
+ *   FEWEST  smallest sum of weights for which a correction is made */
 #define REACH  1.0
 #define RIDGE  0.05
 #define FEWEST 1e-3

@@ -5,12 +5,14 @@
 #include "corner.h"
 
 /* Finds the board's markers (or the whole chessboard, or all circles), and then each of its
- * corners. `fine` is for photographs that calibrate a lens or a laser. If it is set, all corners
- * are fitted again from the positions found, which yields some more corners, and a ChArUco board is
- * also accepted if its first square has the other colour. Returns a GArray of struct corner,
- * ordered by id. Returns NULL with BOARD_ERROR_SPEC and a reason such as "no board is visible", to
- * which the caller prefixes "picture: ". If OpenCV fails, the error is
- * PICTURE_FILE_ERROR_FAILED. */
+ * corners. Returns a GArray of struct corner, ordered by id.
+ *
+ * `fine` is for photographs that calibrate a lens or a laser. If `fine` is TRUE, all corners are
+ * fitted again from the positions found, which yields some more corners. A ChArUco board is then
+ * also accepted if its first square has the other colour.
+ *
+ * Returns NULL with BOARD_ERROR_SPEC and a reason such as "no board is visible", to which the
+ * caller prefixes "picture: ". If OpenCV fails, the error is PICTURE_FILE_ERROR_FAILED. */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 

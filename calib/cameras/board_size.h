@@ -31,12 +31,13 @@ void board_census_free(struct board_census *census); /* NULL is ignored */
 typedef struct board_census BoardCensus;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BoardCensus, board_census_free)
 
-/* Examines a picture before the search. It does so only if the board has no markers and the picture
- * is so large that a failed search takes seconds. Returns FALSE with BOARD_ERROR_SPEC if the
- * pictures examined so far show another size of the board. The error names that size. *ret_more is
- * TRUE if another picture with as many pixels should be examined in the same way. Once a picture
- * has shown the given size of the board, or enough pictures were examined, further calls return
- * immediately. */
+/* Examines a picture before the search. The picture is examined only if the board has no markers
+ * and the picture is so large that a failed search takes seconds. *ret_more is TRUE if another
+ * picture with as many pixels should be examined in the same way. Once a picture has shown the
+ * given size of the board, or enough pictures were examined, further calls return immediately.
+ *
+ * Returns FALSE with BOARD_ERROR_SPEC if the pictures examined so far show another size of the
+ * board. The error names that size. */
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error);
 

@@ -83,11 +83,11 @@ struct bundle {
     int wobble_harmonics; /* highest harmonic that is adjusted; 0: the wobble is not adjusted */
     /* output: standard error of the tilt, RMS over a turn; 0 if the wobble is not adjusted */
     double wobble_error_rad;
-    /* keeps the cameras' mean azimuth at the nominal one, and each lay's mean angle at the
-     * commanded one */
+    /* If TRUE, the cameras' mean azimuth stays at the nominal one, and each lay's mean angle at the
+     * commanded one. */
     gboolean fix_azimuth;
     double robust; /* Huber's threshold in standard deviations; 0: plain least squares */
-    /* the solver stops when a step lowers the cost by less than the fraction 1e-5 */
+    /* If TRUE, the solver stops when a step lowers the cost by less than the fraction 1e-5. */
     gboolean coarse;
 };
 

@@ -1,5 +1,5 @@
-/* Covariance of the cameras, robust against errors that the corners of one picture have in common
- * (see bundle.h).
+/* Covariance of the cameras, robust against errors that the corners of one picture have in common.
+ * The symbols C, S, J_i and r_i are those of bundle_covariance() in bundle.h.
  *
  * Let JᵀJ = G Gᵀ (Cholesky), so C = G⁻ᵀ G⁻¹. Then Gᵀ S G = Σ y yᵀ. A row j of the priors
  * contributes y = G⁻¹ jᵀ, and a picture contributes y = G⁻¹ J_iᵀ (I − J_i C J_iᵀ)^−½ r_i. Only a
@@ -67,10 +67,10 @@ static gboolean columns_of_inverse(const struct factor *factor, const int *colum
     return LAPACKE_dorgqr(LAPACK_COL_MAJOR, n, k, k, ret_q, n, tau) == 0;
 }
 
-/* Computes the score y of a picture. rows are its rows of the Jacobian, which have k columns
- * that are not 0. Where an eigenvalue l of BᵀB is 1, the fit follows this picture completely, so
- * its residuals contain no information. Such directions are left out. Returns FALSE if the rows
- * have more than MAX_OWN columns that are not 0, or if LAPACK fails. */
+/* Computes the score y of a picture. `rows` has the picture's rows of the Jacobian. k of their
+ * columns are not 0. Where an eigenvalue l of BᵀB is 1, the fit follows this picture completely, so
+ * the residuals contain no information. Such directions are left out. Returns FALSE if more than
+ * MAX_OWN columns are not 0, or if LAPACK fails. */
 static gboolean picture_score(const struct factor *factor, const struct bundle_linear *linear,
                               const GArray *rows, double *ret_y) {
     const int n = factor->n;

@@ -20,9 +20,9 @@ static struct mat3 product(const double a[9], const struct mat3 *b) {
     return ret;
 }
 
-/* Rodrigues' formula: exp([ω]×) = I + a [ω]× + b [ω]×². ret_j gets the columns of J = I − b [ω]× +
- * c [ω]×², for which exp([ω + d]×) = exp([ω]×) exp([J d]×) to first order (Chirikjian 2011
- * §10.8). */
+/* Rodrigues' formula: exp([ω]×) = I + a [ω]× + b [ω]×², with t = |ω|, a = sin t / t and b = (1 −
+ * cos t) / t². ret_j gets the columns of J = I − b [ω]× + c [ω]×² with c = (t − sin t) / t³. To
+ * first order, exp([ω + d]×) = exp([ω]×) exp([J d]×) (Chirikjian 2011 §10.8). */
 static void exponential(const double omega[3], struct mat3 *ret, struct vec3 ret_j[3]) {
     const struct vec3 w = vec3(omega[0], omega[1], omega[2]);
     const double s = vec3_dot(w, w), t = sqrt(s);
@@ -149,9 +149,10 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret) {
     }
 }
 
-/* Let M = R₀ exp([ω]×), for a lay (M_l) and for a camera (M_c). Then ∂(M x)/∂ω_k = M (J_k × x).
- * Without wobble, the board's point X is at p = Rz(τ) (M_l X + t). With the board's normal n = M_l
- * (0, 0, 1), t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p + shift. */
+/* Let M = R₀ exp([ω]×), for a lay (M_l) and for a camera (M_c). Then ∂(M x)/∂ω_k = M (J_k × x),
+ * where J_k is column k of the J of exponential(). Without wobble, the board's point X is at p =
+ * Rz(τ) (M_l X + t). With the board's normal n = M_l (0, 0, 1), t_z = h − (n_x t_x + n_y t_y) /
+ * n_z. The camera sees q = M_c p + shift. */
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],
                       double ret_px[2], struct bundle_slopes *ret) {

@@ -250,7 +250,7 @@ static void fix_unknown(struct cameras_work *work) {
         if (!work->free_boards)
             cameras[c].fixed_pose = unknown;
         cameras[c].fixed_lens = unknown;
-        if (!unknown) /* enough pictures at one stop are sufficient for the lens of all stops */
+        if (!unknown) /* the lens of all stops is adjusted if one stop has enough pictures */
             cameras[c - cameras[c].stop].fixed_lens = FALSE;
     }
 }

@@ -13,16 +13,21 @@
  * commanded angles. The scale comes only from the board's squares.
  *
  * Without a turntable, the print of the flattest board is taken as level, at the height of its
- * thickness. By the rig file it must be within 5° of level. Azimuth 0 and the origin in the plane
- * are chosen so that, on average, the cameras see points around the origin in the same pixels as
- * the cameras of the rig file. Errors are relative to the flattest board.
+ * thickness. According to the rig file it must be within 5° of level. Azimuth 0 and the origin in
+ * the plane are chosen so that, on average, the cameras see points around the origin in the same
+ * pixels as the cameras of the rig file. Errors are relative to the flattest board.
  *
  * Lens parameters that the pictures do not determine (such as distortion in a narrow field of view)
  * stay near those of the rig file. For photographs they stay near a lens without distortion whose
- * principal point is the middle of the picture. The prior has the following standard deviations:
- * 2 % of the width for the principal point (for photographs 10 %), 0.3 for k1 and k2, 0.1 for k3,
- * 0.003 for p1 and p2, and 0.002 for fx / fy. For k1 … k6 of a rational lens and k1 … k4 of a
- * fisheye, the standard deviation is 1 instead.
+ * principal point is the middle of the picture. The standard deviations of the prior are:
+ *
+ *   principal point     2 % of the width, for photographs 10 %
+ *   k1, k2              0.3
+ *   k3                  0.1
+ *   p1, p2              0.003
+ *   fx / fy             0.002
+ *   rational k1 … k6    1
+ *   fisheye k1 … k4     1
  *
  * The task may give the lens model. Otherwise the cameras of a rig have the lens models of the rig
  * file, and for photographs the model is chosen by cross-validation over pictures. Five times, each
@@ -39,8 +44,8 @@
  *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
  * arm's axis is fitted to the poses (swing.h). A stop without pictures gets its pose from the axis
- * if the camera was calibrated at two other stops. Its errors are those of the nearest stop,
- * increased by the deviation of the calibrated stops from the axis.
+ * if the camera was calibrated at two other stops. The errors of this stop are those of the nearest
+ * calibrated stop, increased by the deviation of the calibrated stops from the axis.
  *
  * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
  * angles determines, at most RIG_WOBBLE_HARMONICS. By chance alone, p parameters lower χ² by p ±
@@ -158,9 +163,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(CamerasResult, cameras_result_free)
 struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error);
 
-/* Calibrates the lens of one camera from photographs. The camera is at the origin and looks
- * along z. The calibration has one camera, of which only the name need be set. Its width and
- * height become those of most photographs. Photographs of another size are rejected. Returns
+/* Calibrates the lens of one camera from photographs. The camera is at the origin and looks along
+ * z. The calibration has one camera, of which only the name need be set. The width and height of
+ * this camera become those of most photographs. Photographs of another size are rejected. Returns
  * NULL with an error as cameras_calibrate() does. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error);

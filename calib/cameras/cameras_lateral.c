@@ -66,9 +66,12 @@ static gboolean look_at(struct cameras_work *work, int i, double reach_px, GErro
 /* Averages the pictures i of one lens: c = N⁻¹ Σ N_i c_i with N = Σ N_i, where N_i is `normal` and
  * c_i is `larger` of picture i. The covariance of c is f N⁻¹. The factor f = Σ (c_i − c)ᵀ N_i (c_i
  * − c) / 2 (n − 1), at least 1, says how much more the n pictures scatter than their noise
- * explains. The lens parameters are the mean over all pixels of a filter that has twice as many
- * green pixels as red or blue ones. Green itself is therefore larger by −(red + blue) / 4. A result
- * that is not significant is only noise and is not applied. */
+ * explains.
+ *
+ * The lens parameters are the mean over all pixels of a filter that has twice as many green pixels
+ * as red or blue ones. Relative to this mean, green is larger by −(red + blue) / 4, where red and
+ * blue are the two elements of c. A result that is not significant is only noise and is not
+ * applied. */
 static void average(struct cameras_work *work, int unit) {
     static const double mix[3][2] = {{0.75, -0.25}, {-0.25, -0.25}, {-0.25, 0.75}};
     double normal[2][2] = {{0}}, right[2] = {0}, mean[2], scatter = 0;

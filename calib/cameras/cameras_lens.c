@@ -87,8 +87,8 @@ static gboolean predict(const struct trial *trial, int fold, double noise, doubl
     return ok;
 }
 
-/* Returns whether b predicts better than a: Σ d > errors · √(Σ d²), where d is the loss of a
- * picture with a minus its loss with b. */
+/* Returns whether model b predicts better than model a: Σ d > errors · √(Σ d²), where d is the loss
+ * of a picture with a minus the loss of this picture with b. */
 static gboolean is_better(const double *a, const double *b, int n, double errors) {
     double sum = 0, squares = 0;
     for (int i = 0; i < n; i++) {
@@ -122,10 +122,10 @@ static void try_bend(const struct cameras_work *work, struct trial *flat) {
     g_free(trials[1].loss);
 }
 
-/* The polynomial is the default. Then the other models are compared with the best model so far, in
- * the order of their number of parameters. If the lens model is given, only this model is fitted,
- * as a start of the refinement. A refinement that starts from a lens without distortion may end at
- * a minimum where the parameters of a rational lens are undetermined. */
+/* The polynomial is the default. The fisheye and then the rational lens, which has more parameters,
+ * are compared with the best model so far. If the lens model is given, only this model is fitted,
+ * as a start of the refinement. The refinement needs this start, because from a lens without
+ * distortion it may end at a minimum where the parameters of a rational lens are undetermined. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};
     const int n = work->task->n_pictures;

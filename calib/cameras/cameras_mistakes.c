@@ -12,7 +12,8 @@
 #define SUSPICIOUS_PX 2.0
 #define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
 #define BETTER        5.0 /* factor by which the correction must also reduce the residual */
-/* With more cameras, pairs are exchanged only if they are neighbours in the rig file. */
+/* Largest number of cameras for which all pairs are tried. With more cameras, only pairs of cameras
+ * that follow each other in the rig file are tried. */
 #define MAX_PAIRED 8
 #define REFINED    3 /* number of mistakes that are refined, those with the best start */
 /* a camera counts as exchanged if it is nearer to another camera's place than to its own by at

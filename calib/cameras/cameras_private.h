@@ -12,10 +12,11 @@ struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
     int width, height; /* px */
-    /* The corners that were found (struct corner). NULL if none were found, or if they were set
-     * aside; `why` then has the reason. */
+    /* The corners that were found (struct corner). NULL if none were found, or if the picture was
+     * rejected; `why` then has the reason. */
     GArray *corners;
-    /* corners of a picture that was rejected because it contradicts the others */
+    /* The corners of a picture that was rejected because it contradicts the others; otherwise
+     * NULL. */
     GArray *set_aside;
     /* The text "picture: reason", which says why the picture is not used. It has no meaning while
      * `corners` is not NULL. */
@@ -86,7 +87,7 @@ double cameras_median(GArray *values); /* sorts the doubles; returns their media
 typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 /* cameras.c: runs a pass over pictures in several threads, and returns the first error. reach_px
  * has the search radius of each picture; a negative value skips the picture. If reach_px is NULL,
- * all pictures run with 0. */
+ * the radius of every picture is 0. */
 gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
                           GError **error);
 /* The data of cameras_project(). */
@@ -117,8 +118,8 @@ double cameras_residual(const struct bundle *bundle, const struct bundle_observa
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
 /* Returns the RMS residual in pixels that is expected after the fit from the noise of the corners
- * alone. If camera is −1, this is over all cameras. Returns 0 for photographs, because compression
- * and sharpening have changed their noise, and if no corners are used. */
+ * alone. If camera is −1, this is over all cameras. Returns 0 if no corners are used. Also returns
+ * 0 for photographs, because compression and sharpening have changed their noise. */
 double cameras_expected_px(const struct cameras_work *work, int camera);
 
 /* cameras.c: makes one bundle adjustment with the corners found so far. */

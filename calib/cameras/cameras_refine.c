@@ -16,7 +16,8 @@
 /* The noise of a picture is estimated from its residuals and from the noise of its camera. The
  * noise of the camera counts as much as this number of residuals. */
 #define TYPICAL 20
-/* smallest significant decrease of χ², in standard deviations of its decrease by chance */
+/* Smallest decrease of χ² that is significant. By chance alone χ² decreases too; the unit is the
+ * standard deviation of this decrease by chance. */
 #define SIGNIFICANT  4
 #define MAX_REJECTED 0.4 /* share of rejected corners above which the picture is rejected */
 

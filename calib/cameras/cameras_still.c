@@ -37,10 +37,11 @@ static struct vec3 on_plane(const struct rig_camera *camera, double x_px, double
 
 /* Returns the angle a of the rotation about z, and gives the shift d, that bring points p_i of the
  * plane nearest to q_i. They minimise Σ |Rz(a) p_i + d − q_i|², so a = atan2(Σ p_i × q_i, Σ p_i ·
- * q_i) with the means of p_i and q_i subtracted. For each camera, the q_i are four points around
- * the origin. The p_i are the points that the calibrated camera sees in the pixels in which the
- * nominal camera sees q_i. These points are well determined, unlike the cameras' own positions.
- * Returns 0 without a shift if there are no points. */
+ * q_i) with the means of p_i and q_i subtracted. Returns 0 without a shift if there are no points.
+ *
+ * For each camera, the q_i are four points around the origin. The p_i are the points that the
+ * calibrated camera sees in the pixels in which the nominal camera sees q_i. These points are well
+ * determined, unlike the cameras' own positions. */
 static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     const struct board *board = &work->task->board;
     const double r = board->columns * board->square_mm / 2;
@@ -103,8 +104,8 @@ void cameras_align(struct cameras_work *work) {
         }
         lay->place[0] = at.x + off.x;
         lay->place[1] = at.y + off.y;
-        /* h is the height at which the print's plane meets the z axis. This axis is another line
-         * after the shift. */
+        /* h is the height at which the print's plane meets the z axis. The shift changes h, because
+         * the z axis is then another line. */
         lay->place[2] += (normal.x * off.x + normal.y * off.y) / normal.z;
     }
 }

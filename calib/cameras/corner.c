@@ -351,11 +351,14 @@ GArray *corner_fit_all(const struct picture *picture, const struct board *board,
 }
 
 /* Let θ be the corner's own parameters: p, and level, contrast and blur of red and of blue pixels.
- * The residual r of a pixel of colour k changes by row · dθ + shift dc_k. A larger magnification
- * c_k moves the pixel's light outwards. This has the same effect as a displacement of the corner
- * that is proportional to the pixel's distance from the centre. θ is eliminated from the normal
- * equations. With H = Σ row rowᵀ, b_k = Σ shift row, g = −Σ r row, s_k = −Σ shift r and A_kk = Σ
- * shift², the change is the solution of (A − bᵀ H⁻¹ b) dc = s − bᵀ H⁻¹ g. */
+ * A larger magnification c_k of colour k moves the light of a pixel outwards. This has the same
+ * effect as a displacement of the corner that is proportional to the pixel's distance from the
+ * centre.
+ *
+ * To first order, the residual r of a pixel of colour k changes by row · dθ + shift dc_k, where row
+ * and shift are its derivatives. θ is eliminated from the normal equations. With H = Σ row rowᵀ,
+ * b_k = Σ shift row, g = −Σ r row, s_k = −Σ shift r and A_kk = Σ shift², the change is the solution
+ * of (A − bᵀ H⁻¹ b) dc = s − bᵀ H⁻¹ g. */
 gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
                         const struct corner_guess *guess, struct corner_lateral *lateral) {
     struct pixels pixels;

@@ -1,7 +1,10 @@
-/* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)², where r_i are the
- * residuals of observation i. The weights w are estimated again in each round. First they are soft,
- * 1 / √(1 + (|r| / (SOFT s))²) with the robust scale s, and later 0 or 1. Each round runs
- * Levenberg-Marquardt on the normal equations, with m residuals and n parameters. */
+/* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)². x are the parameters, r_i
+ * are the residuals of observation i, and σ is the scale of the residuals relative to their
+ * expected size. Each round runs Levenberg-Marquardt on the normal equations, with m residuals and
+ * n parameters.
+ *
+ * The weights w are estimated again in each round. In the first rounds they are soft, 1 / √(1 +
+ * (|r| / (SOFT s))²) with the robust scale s. In the last rounds they are 0 or 1. */
 #include "fit.h"
 
 #include <cblas.h>

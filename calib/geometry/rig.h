@@ -309,9 +309,10 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
 
 /* A laser with the arc at an angle. The functions rig_laser_pose_…() return exactly the values of
  * the functions rig_laser_…(), but take the sines and cosines of the arc's angle only once for many
- * points. laser is not copied. position_mm, axis and normal are in the rig frame. normal is that of
- * the sheet at sweep angle 0. across is axis × normal in the frame of the laser's carrier, which is
- * the arc or the rig. */
+ * points. laser is not copied.
+ *
+ * position_mm, axis and normal are in the rig frame. normal is that of the sheet at sweep angle 0.
+ * across is axis × normal in the frame of the laser's carrier, which is the arc or the rig. */
 struct rig_arc_pose {
     struct rig_rotation turn;
     struct rig_tilt {

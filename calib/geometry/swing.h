@@ -31,11 +31,14 @@ struct rig_swing_fit {
 };
 
 /* Finds the arm's axis from the poses of its cameras. `known` is the set of the cameras whose pose
- * is known. From stop j to stop k of one camera, the camera has turned by S = R_kᵀ R_j, a rotation
- * about a by β_k − β_j, and its centres obey (I − S) c = C_k − S C_j. a is the direction of the sum
- * of the rotation vectors of S, with the sign of β_k − β_j, over all pairs of stops. c is the least
- * squares solution nearest to the origin. zero_rad is measured from the cameras of nominal. Returns
- * FALSE if no camera is known at two stops that are at least 1° apart, or if the poses determine no
- * direction or no point of the axis. ret then holds no usable values. */
+ * is known. zero_rad is measured from the cameras of nominal.
+ *
+ * From stop j to stop k of one camera, the camera has turned by S = R_kᵀ R_j, a rotation about a by
+ * β_k − β_j, and its centres obey (I − S) c = C_k − S C_j. a is the direction of the sum of the
+ * rotation vectors of S, with the sign of β_k − β_j, over all pairs of stops. c is the least
+ * squares solution nearest to the origin.
+ *
+ * Returns FALSE if no camera is known at two stops that are at least 1° apart, or if the poses
+ * determine no direction or no point of the axis. ret then holds no usable values. */
 gboolean rig_swing_fit(const struct rig *rig, struct camera_set known, const struct rig *nominal,
                        struct rig_swing_fit *ret);

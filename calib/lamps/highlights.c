@@ -74,8 +74,10 @@ struct spot {
     double energy;
     struct highlight light; /* x_px, y_px are relative to the window */
     double share;           /* share of the peak above which pixels belong to the light */
-    /* streak: the aspect ratio is at least STREAK. halo: the spot touches a brighter spot. cut: the
-     * spot reaches the border of the circle. stays: other photographs also show the spot. */
+    /*   streak  the aspect ratio is at least STREAK
+     *   halo    the spot touches a brighter spot
+     *   cut     the spot reaches the border of the circle
+     *   stays   other photographs also show the spot */
     gboolean streak, halo, cut, stays;
     gboolean large; /* too large to be a lamp's mirror image */
 };
@@ -339,8 +341,8 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
 }
 
 /* Returns whether a spot is better than the best spot so far. If only one of the two reaches the
- * border of the circle, that one is better only if it is clearly higher than the other. Otherwise
- * the energy decides. */
+ * border of the circle, the one at the border is better only if it is clearly higher. If both or
+ * neither reach the border, the spot with more energy is better. */
 static gboolean is_better(const struct spot *spot, const struct spot *best) {
     if (best && spot->cut != best->cut)
         return spot->cut ? spot->height * (float)LOWER > best->height
@@ -449,8 +451,8 @@ static gboolean is_free(const struct lamp_target *target, int mark, double turnt
     return TRUE;
 }
 
-/* Measures one ball in one picture if the geometry says that it shows the lamp. Appends a sight, or
- * a reason to rejected. */
+/* Measures one ball in one picture if the geometry says that it shows the lamp. Appends a sight to
+ * sights. If the measurement fails, appends a reason to rejected instead. */
 static void measure_ball(const struct rig *rig, const struct lamp_target *target,
                          const struct highlight_picture *from, int mark, double reach_mm,
                          GArray *sights, GPtrArray *rejected) {

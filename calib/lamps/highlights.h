@@ -13,10 +13,10 @@ struct highlight_picture {
     double turntable_rad, arc_rad;
 };
 
-/* Appends a struct lamp_sight for each ball that shows the lamp. For each ball that should show the
- * lamp but has no usable spot, appends a text with the picture and the reason to rejected. reach_mm
- * is the largest distance of a ball from its position in the target. Returns FALSE if the picture's
- * size is not the camera's. */
+/* Appends a struct lamp_sight for each ball that shows the lamp. If a ball should show the lamp but
+ * has no usable spot, appends a text "picture: reason" to rejected. reach_mm is the largest
+ * distance of a ball from its position in the target. Returns FALSE if the picture's size is not
+ * the camera's. */
 gboolean highlights_measure(const struct rig *rig, const struct lamp_target *target,
                             const struct highlight_picture *from, double reach_mm, GArray *sights,
                             GPtrArray *rejected, GError **error);

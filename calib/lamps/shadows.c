@@ -253,8 +253,8 @@ static gboolean fill_window(struct window *w, double reach_mm, double margin_mm)
     return TRUE;
 }
 
-/* Fits the shape. Appends a sight, or the reason why there is none to rejected, which may be
- * NULL. */
+/* Fits the shape. On success appends a sight. Otherwise appends the reason to rejected, which may
+ * be NULL. */
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};

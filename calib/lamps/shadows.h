@@ -50,10 +50,10 @@ double shadows_score(ShadowView *const *views, int n, const struct lamp_target *
 /* Smallest score at which shadows_locate() succeeds. */
 #define SHADOWS_MIN_SCORE 0.5
 
-/* Appends a struct lamp_sight for each shadow that was found. For each shadow that should be
- * visible but was not found, appends a text with the picture and the reason to rejected. Also
- * measures the posts themselves, once in the view, if a lamp is high above the plate
- * (lamp_sight.lamp is then −1). `near` is TRUE if posts and lamps have been adjusted before. The
- * shadows are then close to their prediction. */
+/* Appends a struct lamp_sight for each shadow that was found. If a shadow should be visible but was
+ * not found, appends a text with the picture and the reason to rejected. If a lamp is high above
+ * the plate, also measures the posts themselves, once for the view; lamp_sight.lamp of these sights
+ * is −1. `near` is TRUE if posts and lamps have been adjusted before. The shadows are then close to
+ * their prediction. */
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected);

@@ -539,8 +539,8 @@ static gboolean check_determined(const struct problem *problem, const struct fit
 }
 
 /* Refuses a sweep whose direction is reversed, or whose range differs much from the commanded one.
- * The cause is an error in the rig file or the table, which calibration must not hide. Also, a file
- * with such a stretch could not be read back. */
+ * The cause is an error in the rig file, or in the table of imported pictures. Calibration must not
+ * hide this error. Also, a file with such a stretch could not be read back. */
 static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];

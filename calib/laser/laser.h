@@ -103,9 +103,11 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
 /* Looks for one of these mistakes in the description of the sweeps: the arc turns the other way,
  * the angles of the arc are in radians, or two lasers or two planes are exchanged. Returns FALSE
  * with an error if the sweeps agree with the rig file at least five times better when one of these
- * mistakes is corrected. laser_fit() calls this function before its fit. After the fit, laser_fit()
- * also compares the positions of the lasers with the rig file, because only positions distinguish
- * lasers at nearly the same angle. */
+ * mistakes is corrected.
+ *
+ * laser_fit() calls this function before its fit. After the fit, laser_fit() also compares the
+ * positions of the lasers with the rig file, because only positions distinguish lasers at nearly
+ * the same angle. */
 gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);
@@ -117,8 +119,8 @@ struct laser_plate_sweep {
     double arc_rad, from_rad, step_rad;
     double plane_mm;  /* height of the plane */
     double radius_mm; /* radius of the used part of the plane about the turntable's axis */
-    /* for each pixel, peak time and standard deviation of the profile, in frames; width may be
-     * NULL */
+    /* Peak time of each pixel, and standard deviation of the profile at each pixel, in frames.
+     * width may be NULL. */
     const float *peak, *width;
     gsize most; /* maximum number of points to take; they are spread over the picture */
 };

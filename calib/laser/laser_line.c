@@ -405,8 +405,8 @@ static double share_of(const GArray *samples, const struct straight *line, doubl
 }
 
 /* Returns whether the print is all white or all black along a profile and up to CLEAR_PX beyond its
- * ends. Also returns FALSE if the profile leaves the board. middle and across are in the picture.
- * *ret_white gets which of the two the print is. */
+ * ends. *ret_white is then TRUE for white. Also returns FALSE if the profile leaves the board.
+ * middle and across are in the picture. */
 static gboolean is_even(const struct look *look, const double middle[2], const double across[2],
                         double half_px, gboolean *ret_white) {
     double at[2 * (4 * HALF_PX + 9)];

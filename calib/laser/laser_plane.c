@@ -30,8 +30,8 @@ struct view { /* a photograph, with one set of camera parameters */
     struct laser_pose pose;
     double share[2][2]; /* the two points of the line on the board: middle ± h along the line, mm */
     double across[2];   /* unit vector on the board, perpendicular to the line */
-    /* Standard errors across the line: that of its middle, and that caused by its slope at the
-     * distance h from the middle. */
+    /* Standard errors across the line: that of its middle, and that which the error of its slope
+     * causes at the distance h from the middle. */
     double offset_sigma_mm, slope_sigma_mm;
     struct vec3 ends[2]; /* rig frame */
 };

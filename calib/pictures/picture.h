@@ -32,11 +32,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
 /* Gives a table of the light of each 8-bit sRGB number (IEC 61966-2-1), from 0 to 1. */
 void picture_srgb(float ret[256]);
 
-/* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"). Each colour is scaled
- * so that the picture is grey on average; the pixels are not interpolated. If the scene is grey
- * under one light, the result is exact and as sharp as the sensor. Otherwise the mosaic stays
- * visible. "mono" changes nothing. Otherwise the picture's cfa is set. Returns FALSE if cfa is
- * unknown. */
+/* Makes grey values from a mosaic ("rggb", "bggr", "grbg" or "gbrg"), and sets the picture's cfa.
+ * Each colour is scaled so that the picture is grey on average; the pixels are not interpolated. If
+ * the scene is grey under one light, the result is exact and as sharp as the sensor. Otherwise the
+ * mosaic stays visible. "mono" changes nothing. Returns FALSE if cfa is not one of these names. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
 
 G_END_DECLS

@@ -14,7 +14,7 @@ struct picture_part {
 };
 
 /* Returns whether the file is a PNG whose rows follow each other, and gives its size. Returns FALSE
- * for an interlaced PNG, which has another order, and if the file cannot be read. */
+ * for an interlaced PNG, whose rows are in another order, and if the file cannot be read. */
 gboolean picture_part_can(const char *path, int *ret_width, int *ret_height);
 
 /* Reads a part that lies within the picture, like picture_read_codes(). width and height of ret are

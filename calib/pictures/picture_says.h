@@ -53,9 +53,10 @@ void picture_says_read(const guint8 *bytes, gsize length, struct picture_says *r
 void picture_says_clear(struct picture_says *says);
 
 /* Returns the focal length in pixels of a picture of this size. *ret_said gets a text such as
- * "EXIF: 50 mm, 115.2 pixels per mm"; g_free(). If the file does not give a focal length, returns
- * 0, and *ret_said is NULL. EXIF gives the focal length of a lens that is focused at infinity. With
- * a lens that is focused on a near object, the true focal length may differ by several per cent. */
+ * "EXIF: 50 mm, 115.2 pixels per mm"; free it with g_free(). If the file does not give a focal
+ * length, returns 0, and *ret_said is NULL. EXIF gives the focal length of a lens that is focused
+ * at infinity. With a lens that is focused on a near object, the true focal length may differ by
+ * several per cent. */
 double picture_says_focal_px(const struct picture_says *says, int width, int height,
                              char **ret_said);
 
@@ -64,10 +65,12 @@ double picture_says_focal_px(const struct picture_says *says, int width, int hei
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
 /* Chooses the tone curve for numbers of 8 or 16 bits, or for floating-point numbers if bits is 0.
- * The curve `wanted` (PICTURE_TONES_LINEAR or PICTURE_TONES_SRGB) is used unless `wanted` is
- * PICTURE_TONES_UNSAID. Otherwise `said`, the curve of the file, is used. If the file gives no
- * curve, 8 bits are taken as sRGB, and other numbers as linear. The result may be `said` itself.
- * Returns NULL with PICTURE_FILE_ERROR_FAILED if the file gives a curve that is not supported. */
+ * If `wanted` is PICTURE_TONES_LINEAR or PICTURE_TONES_SRGB, this curve is used. If `wanted` is
+ * PICTURE_TONES_UNSAID, the curve of the file, `said`, is used. If the file gives no curve either,
+ * 8 bits are taken as sRGB, and other numbers as linear.
+ *
+ * The result may be `said` itself. Returns NULL with PICTURE_FILE_ERROR_FAILED if the curve of the
+ * file is to be used but is not supported (PICTURE_TONES_OTHER). */
 const struct picture_tone *picture_tone_choose(const struct picture_tone *said, int bits,
                                                enum picture_tones wanted, const char *path,
                                                GError **error);

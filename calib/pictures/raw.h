@@ -15,7 +15,7 @@
 
 G_BEGIN_DECLS
 
-#define RAW_CFA 5 /* room for the name of a mosaic */
+#define RAW_CFA 5 /* number of bytes of the name of a mosaic, with the NUL */
 
 /* Returns whether a file counts as camera raw. The end of its name decides: .dng, .cr2, .nef and
  * others. */
