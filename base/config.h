@@ -36,9 +36,11 @@ struct config_section {
     char *class_name;     /* first word of the heading */
     char *name;           /* rest of the heading, or NULL */
     int line;
-    /* the heading could not be parsed, so the keys of the section must be ignored */
+    /* The heading could not be parsed, so the keys of the section must be ignored. Always FALSE
+     * after config_load_lenient(). */
     gboolean broken;
-    /* a line of the section could not be parsed, so keys may be missing */
+    /* A line of the section could not be parsed, so keys may be missing. Always FALSE after
+     * config_load_lenient(). */
     gboolean incomplete;
     GPtrArray *keys;     /* elements: char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* maps a key to its value and line; private to config.c */

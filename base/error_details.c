@@ -3,8 +3,8 @@
 #include <string.h>
 
 struct details {
-    /* text is the message without file and subject: "WHAT; ADVICE". what and advice are the two
-     * parts of text. */
+    /* text is the message behind the subject, usually "WHAT; ADVICE". what and advice are its parts
+     * before and after the first ERROR_ADVICE. */
     char *file, *subject, *text, *what, *advice;
     int line;
 };

@@ -2,11 +2,11 @@
  * Output files. This module decides for all programs what happens to a file whose name a user has
  * given:
  *
- * - A name that does not exist is used. If another program makes a file of that name meanwhile,
- *   that file is kept.
+ * - A name that does not exist is used.
  * - An existing file is refused, unless --force is given.
  * - A file that Mesorig itself has written as the same kind of product may be replaced, and the
  *   program says so (output_file_note()).
+ * - A file that another program makes or changes while Mesorig works is kept, also with --force.
  * - A character device or a pipe is written to. A folder, a socket and a disk (block device) are
  *   refused. None of these is ever replaced.
  * - A symbolic link is followed and kept. A link to a file that does not exist is refused.

@@ -49,7 +49,7 @@ struct board {
     double square_mm;
     double marker_mm;    /* side of a marker; 0 without markers */
     double circle_mm;    /* diameter of a circle; 0 without circles */
-    char dictionary[24]; /* name of a dictionary in vision.h; only with markers */
+    char dictionary[24]; /* name of a dictionary in vision.h; used only with markers */
     gboolean kalibr;     /* the markers are printed as Kalibr prints them */
     double thickness_mm; /* height of the print above the surface that the board lies on */
     /* The top left square is white. board_find() accepts either colour for a chessboard that looks

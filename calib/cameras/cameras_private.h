@@ -141,7 +141,7 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
  * which two other stops of the camera determine. */
 gboolean cameras_is_predicted(const struct cameras_work *work, int camera);
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error);
-/* Checks the first adjustment, only with cameras in whose pictures the detector found the board. */
+/* Checks the first adjustment. Only cameras with enough pictures are checked. */
 gboolean cameras_check_start(const struct cameras_work *work, GError **error);
 /* Refuses a result that most pictures contradict. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error);
