@@ -1,9 +1,9 @@
 /* Least squares (geometry/fit.h) over all sights. A residual is the predicted minus the measured
  * position, divided by its standard deviation. The parameters are
- *   tilt and centre of the arc's axis  4, if lamps are on the arc
+ *   tilt and centre of the arc's axis  4, if the arc angles cover at least MIN_ARC
  *   position of each lamp              3
  *   position of each mark              2
- *   size of each mark                  1
+ *   size of each mark                  1, if the target gives a tolerance above 0
  *   offset of each camera              2, with the prior σ = LAMPS_CAMERA_PX
  *   error of each angle of a drive     1, with σ estimated by drive.h */
 #include "lamps.h"
@@ -266,8 +266,8 @@ static int *new_depends(const struct problem *problem) {
     return depends;
 }
 
-/* Assigns the indices of the parameters. Returns FALSE with an error if there is no sight, or if a
- * lamp has too few sights. */
+/* Assigns the indices of the parameters. Returns FALSE with an error if no sight is of a lamp, or
+ * if a lamp has too few sights. */
 static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};

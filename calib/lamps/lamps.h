@@ -22,9 +22,9 @@
  * sees. Such an error is a parameter with mean 0 and standard deviation LAMPS_CAMERA_PX.
  *
  * A shift of the zero of the arc's angle is equivalent to a rotation of all lamps about the arc's
- * axis. The zero is chosen so that the lamps are closest to the nominal ones. If no lamp is on the
- * arc, the axis and its zero are not adjusted, and each lamp's position is estimated directly in
- * the rig frame.
+ * axis. The zero is chosen so that the lamps are closest to the nominal ones. If the arc angles
+ * cover less than 60°, the tilt and position of the axis stay nominal. If no lamp is on the arc,
+ * the zero stays nominal as well, and each lamp's position is estimated directly in the rig frame.
  *
  * The functions are pure, and any thread may call them.
  */

@@ -9,8 +9,10 @@
 #include <math.h>
 #include <string.h>
 
-#define LIT          0.8 /* share of the maximum from which a pixel counts as lit */
-#define PATTERN      0.5 /* smallest share of the plate's level in the printed pattern of a plate */
+#define LIT 0.8 /* share of the maximum from which a pixel counts as lit */
+/* A pixel whose maximum over the pictures is below this share of the plate's level has no
+ * pattern. */
+#define PATTERN      0.5
 #define MIN_CONTRAST 0.35 /* smallest contrast of a shadow, relative to the lit level */
 #define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, relative to the lit level */
 #define MIN_PIXELS   30

@@ -4,8 +4,9 @@
 
 #include <math.h>
 
-#define MAX_SHOTS    40 /* number of pictures that are used */
-#define COARSE_SHOTS 12 /* number of pictures in the first round, which tries most of the poses */
+#define MAX_SHOTS 40 /* largest number of pictures that are used */
+/* Largest number of pictures in the first round, which tries most of the poses. */
+#define COARSE_SHOTS 12
 
 /* Pose of the plate relative to the nominal one. */
 struct plate_pose {

@@ -1,7 +1,8 @@
 /*
  * This module reads a part of a PNG row by row, with memory for that part only. The picture may
- * therefore be much larger than a picture that is decoded as a whole. Errors are PICTURE_FILE_ERROR
- * and INPUT_FILE_ERROR. Any thread may call the functions.
+ * therefore be much larger than a picture that is decoded as a whole. Errors are
+ * PICTURE_FILE_ERROR, INPUT_FILE_ERROR and, for errors of the system, G_FILE_ERROR. Any thread may
+ * call the functions.
  */
 #pragma once
 

@@ -1,8 +1,8 @@
 /*
  * This module reads pictures from JPEG, PNG, TIFF, BMP and portable anymap (PGM, PPM) files. EXIF
  * orientation is ignored: pixels stay as on the sensor. The size in the header is checked before
- * anything is decoded. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR. Any thread may call the
- * functions.
+ * anything is decoded. Errors are PICTURE_FILE_ERROR, INPUT_FILE_ERROR and, for errors of the
+ * system, G_FILE_ERROR. Any thread may call the functions.
  */
 #pragma once
 

@@ -53,10 +53,10 @@ void picture_says_read(const guint8 *bytes, gsize length, struct picture_says *r
 void picture_says_clear(struct picture_says *says);
 
 /* Returns the focal length in pixels of a picture of this size. *ret_said gets a text such as
- * "EXIF: 50 mm, 115.2 pixels per mm"; free it with g_free(). If the file does not give a focal
- * length, returns 0, and *ret_said is NULL. EXIF gives the focal length of a lens that is focused
- * at infinity. With a lens that is focused on a near object, the true focal length may differ by
- * several per cent. */
+ * "EXIF: 50 mm, 115.2 pixels per mm"; free it with g_free(). Returns 0, with NULL in *ret_said, if
+ * the file gives no focal length from 0.1 to 200 times the longer side of the picture. EXIF gives
+ * the focal length of a lens that is focused at infinity. With a lens that is focused on a near
+ * object, the true focal length may differ by several per cent. */
 double picture_says_focal_px(const struct picture_says *says, int width, int height,
                              char **ret_said);
 

@@ -22,9 +22,10 @@ G_BEGIN_DECLS
 gboolean raw_is(const char *path);
 
 /* Reads the visible part of the sensor. ret_cfa gets the colour filter, beginning at the top left:
- * "mono", "rggb", "bggr", "grbg" or "gbrg". Returns NULL with INPUT_FILE_ERROR or an error of
- * picture_child_run() on failure. Pictures that are not a 2 × 2 mosaic (linear DNG, X-Trans, a
- * diagonal sensor) are refused. */
+ * "mono", "rggb", "bggr", "grbg" or "gbrg". Pictures that are not a 2 × 2 mosaic (linear DNG,
+ * X-Trans, a diagonal sensor) are refused. On failure returns NULL with an error of
+ * input_file_open() or picture_child_run(), or with PICTURE_FILE_ERROR_IO if the result of the
+ * program is incomplete. */
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error);
 
 /* Reads like raw_read(), but returns a grey picture for calibration, balanced with

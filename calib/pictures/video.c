@@ -10,7 +10,7 @@ static void clear_frame(gpointer data) {
     g_free(((struct video_frame *)data)->grey);
 }
 
-/* Reads the frames that video_child_read() has written. Returns FALSE if the result is
+/* Reads the frames that mesorig-read-video has written. Returns FALSE if the result is
  * incomplete. */
 static gboolean take_frames(GBytes *from, struct video *video) {
     struct video_head head = {0};

@@ -41,8 +41,7 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
  * `most` below 2 counts as 2.
  *
  * progress may be NULL. On failure returns NULL with one of these errors:
- * - INPUT_FILE_ERROR;
- * - an error of picture_child_run();
+ * - an error of input_file_open() or picture_child_run();
  * - PICTURE_FILE_ERROR_IO if the result of the program is incomplete;
  * - the error of progress. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
