@@ -435,7 +435,8 @@ static gboolean outline_of(const struct rig_camera *camera, struct vec3 centre, 
            ret->y < 2 * camera->height;
 }
 
-/* Returns whether no other ball is on the segment from a ball to a point. */
+/* Returns whether other balls leave the way from a ball towards a point free: a cylinder with the
+ * radius of the ball around this way must meet no other ball. */
 static gboolean is_free(const struct lamp_target *target, int mark, double turntable_rad,
                         struct vec3 towards) {
     struct vec3 at = lamp_mark_mm(target, mark, turntable_rad);
