@@ -168,9 +168,9 @@ struct MeanAngle final : ceres::CostFunction {
 };
 
 /* This gauge constraint makes the mean azimuth of the cameras' centres, relative to the nominal
- * centres, 0. With the adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. A
- * camera with a fixed pose counts as well. It stays at its nominal centre, so that its part is
- * 0. Cameras near the zenith are left out (add_cameras()). */
+ * centres, 0. With the adjusted centres c and the nominal centres n, both in the xy plane, Σ (c ×
+ * n)_z / |n|² = 0. A camera with a fixed pose counts as well. It stays at its nominal centre, so
+ * that its part is 0. Cameras near the zenith are left out (add_cameras()). */
 struct MeanAzimuth final : ceres::CostFunction {
     std::vector<const bundle_camera *> cameras;
 
