@@ -2,8 +2,10 @@
  * Writes a file so that it appears under its name only when it is complete. The file is written
  * under a unique name in the same folder and then renamed. Neither step follows a symbolic link. If
  * the name belongs to a device, pipe or socket, the error is EEXIST. A killed process leaves a file
- * NAME.XXXXXXXX.part. Files that a user has named are written through output_file.h. Any thread may
- * call these functions.
+ * NAME.XXXXXXXX.part.
+ *
+ * Files that a user has named are written through output_file.h. Any thread may call these
+ * functions.
  */
 #pragma once
 

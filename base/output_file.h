@@ -41,8 +41,8 @@ OutputFile *output_file_new(const char *path, const char *kind, gboolean force, 
 OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
                                    GError **error);
 
-/* Removes the file that was written, unless output_file_end() has delivered or kept it. Releases
- * the lock. NULL is ignored. */
+/* Removes the written file if output_file_end() has neither delivered nor kept it. Releases the
+ * lock. NULL is ignored. */
 void output_file_free(OutputFile *file);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(OutputFile, output_file_free)
 

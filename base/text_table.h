@@ -41,8 +41,9 @@ const char *text_table_text(const TextTable *table, int row, int column);
 /* Splits a text into lines at LF, CRLF and CR, for lists that are not tables. Free the result
  * with g_strfreev(). */
 char **text_table_lines(const char *text);
-/* Reads a number, which nothing may follow, not even a blank. If decimal_comma is TRUE, a number
- * such as “0,25” is also accepted. Returns FALSE if the text is not a finite number. */
+/* Reads a text that is a number and nothing else; a blank after the number is a mistake. If
+ * decimal_comma is TRUE, a number such as “0,25” is also accepted. Returns FALSE if the text is not
+ * a finite number. */
 gboolean text_table_parse(const char *text, gboolean decimal_comma, double *ret);
 
 /* Reads a number from a field. *ret is set to `otherwise` if the field is empty or column is −1.

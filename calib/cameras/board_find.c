@@ -188,10 +188,10 @@ struct map {            /* a map from the board to the picture */
     const double *off_px;
 };
 
-/* This BoardProject adds a local linear correction to the homography, unless straight is set. data
- * is a struct map. The correction is fitted to the deviations eᵢ of nearby points xᵢ. At x it is
- * e₀, where e₀ and E minimise Σ wᵢ |e₀ + E (xᵢ − x) − eᵢ|² + ridge |E|² with wᵢ = exp(−|xᵢ − x|² /
- * 2 reach²). The ridge keeps E small where the points do not determine it. */
+/* If straight is FALSE, this BoardProject adds a local linear correction to the homography. data is
+ * a struct map. The correction is fitted to the deviations eᵢ of nearby points xᵢ. At x it is e₀,
+ * where e₀ and E minimise Σ wᵢ |e₀ + E (xᵢ − x) − eᵢ|² + ridge |E|² with wᵢ = exp(−|xᵢ − x|² / 2
+ * reach²). The ridge keeps E small where the points do not determine it. */
 static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                        gconstpointer data) {
     const struct map *map = data;

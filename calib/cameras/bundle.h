@@ -107,19 +107,21 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret);
 
 /* Sets the cameras' covariances and the error of the wobble.
  *
- * C = (JᵀJ)⁻¹ holds if residuals are independent and have the given noise. The estimate S is
- * cluster-robust (Liang & Zeger 1986). A cluster is a picture i with the residuals r_i. The
- * residuals are corrected for the part that the fit has absorbed (CR2, Bell & McCaffrey 2002). With
- * J_p the rows of priors,
+ * C = (JᵀJ)⁻¹ is the covariance if residuals are independent and have the given noise. The estimate
+ * S is cluster-robust (Liang & Zeger 1986). A cluster is a picture i with the residuals r_i and the
+ * rows J_i of J. The residuals are corrected for the part that the fit has absorbed (CR2, Bell &
+ * McCaffrey 2002). With J_p the rows of priors,
  *   S = C J_pᵀ J_p C + Σ_i u_i u_iᵀ,  u_i = C J_iᵀ (I − J_i C J_iᵀ)^−½ r_i.
- * The expectation of S is C if C is right. S has only as many degrees of freedom as there are
- * pictures, which is few for its many entries. It is therefore shrunk towards a multiple of C. With
- * n pictures and p parameters of the camera,
+ * The expectation of S is C if C is right.
+ *
+ * S has only as many degrees of freedom as there are pictures, which is few for its many entries.
+ * It is therefore shrunk towards a multiple of C. With n pictures and p parameters of the camera,
  *   V = g (n S + p f C) / (n + p),  f = max(1, tr(C⁻¹ S) / p).
- * ret_inflation gets f of each camera, in the order of the cameras; it may be NULL. Errors in units
- * of a scatter that is estimated from n pictures follow Student's t with n − 1 degrees of freedom
- * (Cameron & Miller 2015). Therefore g = 1 + (t² − 1)(1 − 1 / f), where t is the 97.5 % quantile of
- * Student's t divided by that of the normal distribution. g is 1 if f is 1. */
+ * ret_inflation gets f of each camera, in the order of the cameras; it may be NULL.
+ *
+ * Errors in units of a scatter that is estimated from n pictures follow Student's t with n − 1
+ * degrees of freedom (Cameron & Miller 2015). Therefore g = 1 + (t² − 1)(1 − 1 / f), where t is the
+ * 97.5 % quantile of Student's t divided by that of the normal distribution. g is 1 if f is 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
 /* Projects a board point to the picture. If straight is TRUE, the point is projected as by a lens

@@ -101,7 +101,7 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
     return TRUE;
 }
 
-/* Refuses pictures unless they show both a tilted and a flat board. The tilted board determines
+/* Refuses pictures that do not show both a tilted and a flat board. The tilted board determines
  * distances, and the flat board determines the top of the turntable. */
 static gboolean check_lays(const struct cameras_work *work, GError **error) {
     double least = G_MAXDOUBLE, most = 0;

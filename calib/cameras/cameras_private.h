@@ -125,10 +125,12 @@ double cameras_expected_px(const struct cameras_work *work, int camera);
 /* cameras.c: makes one bundle adjustment with the corners found so far. */
 gboolean cameras_solve(struct cameras_work *work, GError **error);
 
-/* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
- * error that names the mistake and returns TRUE. fitted says that the first fit has succeeded.
- * Returns FALSE at once if the residual is small. If no mistake is found, the function repeats
- * the fit without a correction, sets unexplained_px (to 0 unless fitted), and returns FALSE. */
+/* cameras_mistakes.c: looks for a mistake in the notes on the pictures. fitted says that the first
+ * fit has succeeded. If the boards do not fit, but fit when one mistake is corrected, sets an error
+ * that names the mistake and returns TRUE.
+ *
+ * If the residual is small, returns FALSE at once. If no mistake is found, repeats the fit without
+ * a correction, sets unexplained_px (to 0 if fitted is FALSE), and returns FALSE. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
 /* Returns FALSE with an error if a camera stands near the place that the rig file gives for another
  * camera. */

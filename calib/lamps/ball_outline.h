@@ -1,9 +1,12 @@
 /*
  * This module finds the outline of a ball in pictures: the circle near a given circle on which most
- * edges lie. Edges are gathered picture by picture. The edges of the outline are at the same place
- * in all pictures, but the edges of shadows and highlights are not. A mean picture would not do,
- * because it has no outline where the shadows of many lamps hide the outline. The functions are
- * pure, and any thread may call them.
+ * edges lie.
+ *
+ * Edges are gathered picture by picture. The edges of the outline are at the same place in all
+ * pictures, but the edges of shadows and highlights are not. A mean picture would not do, because
+ * it has no outline where the shadows of many lamps hide the outline.
+ *
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 

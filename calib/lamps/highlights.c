@@ -29,9 +29,11 @@
 #define SMALL_PX 0.25
 /* standard deviation of the centroid of a small saturated spot, times the number of its pixels */
 #define SMALL_CLIPPED_PX 2.0
-#define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest */
-#define MIN_PIXELS       2   /* smaller spots are always dust or hot pixels */
-#define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch */
+/* A spot with fewer pixels must be FAR_ABOVE times as high as the rest, because it may be dust or a
+ * hot pixel. */
+#define SPECK      4
+#define MIN_PIXELS 2   /* smaller spots are always dust or hot pixels */
+#define STREAK     4.0 /* aspect ratio from which a spot is a hair or a scratch */
 /* share of the peak above which the spot of a brushed ball is round and thus no streak */
 #define CORE 0.8
 /* share of the best spot's energy from which another may be the lamp */

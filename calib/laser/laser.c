@@ -57,10 +57,13 @@ G_DEFINE_QUARK(laser_error, laser_error)
  * height of its plane. */
 enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 7, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
 
-/* Corrections of a laser: position across the sheet and along the beam (mm), direction of the axis
- * towards the beam and across the sheet (rad), zero of the sweep (rad), relative stretch of the
- * sweep angle, and bend of the sheet (rad). The bend stays 0 unless it is at least BENT times its
- * standard error. */
+/* Corrections of a laser, in this order:
+ *   position across the sheet and along the beam                 mm
+ *   direction of the axis towards the beam and across the sheet  rad
+ *   zero of the sweep                                            rad
+ *   stretch of the sweep angle                                   relative
+ *   bend of the sheet                                            rad
+ * The bend is adjusted only if it is more than BENT times its standard error. Otherwise it is 0. */
 enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, BEND, PER_LASER };
 
 struct problem {

@@ -6,10 +6,12 @@
  *
  * Two numbers of each photograph are adjusted: the distances of two points of its line from the
  * plane. Their covariance includes the line's scatter, and the error of the board's pose, which
- * moves both points. Photographs that contradict the others are left out, unless there are only
- * LASER_PLANE_MIN. The errors of the camera's parameters are the same in all photographs. The
- * covariance of the plane includes the covariance of these parameters as well. If the photographs
- * scatter more than their errors explain, the plane's covariance is increased.
+ * moves both points. Photographs that contradict the others are left out. If there are only
+ * LASER_PLANE_MIN photographs, none is left out.
+ *
+ * The errors of the camera's parameters are the same in all photographs. The covariance of the
+ * plane includes the covariance of these parameters as well. If the photographs scatter more than
+ * their errors explain, the plane's covariance is increased.
  *
  * The functions are pure, and any thread may call them.
  */

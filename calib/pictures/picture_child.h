@@ -2,8 +2,10 @@
  * LibRaw and FFmpeg read files of any content. They run in separate programs, mesorig-read-raw and
  * mesorig-read-video, with limited processor time. If a library crashes on a file, the result is an
  * error that names the file, and the program that needs the picture continues. The output of the
- * libraries is dropped. FFmpeg has a program of its own, because its 200 libraries take longer to
- * load than a raw file takes to read. Any thread may call the functions.
+ * libraries is dropped.
+ *
+ * FFmpeg has a program of its own, because its 200 libraries take longer to load than a raw file
+ * takes to read. Any thread may call the functions.
  */
 #pragma once
 

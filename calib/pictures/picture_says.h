@@ -26,7 +26,7 @@ struct picture_tone {
     /* exponent; only for PICTURE_TONES_GAMMA */
     double gamma;
     /* Table of linear light: entry i is for the pixel value i / (PICTURE_CURVE - 1), where 1 is
-     * white. NULL unless tones is PICTURE_TONES_CURVE. */
+     * white. It is NULL if tones is not PICTURE_TONES_CURVE. */
     float *curve;
     /* where the file gives the curve, such as "PNG gAMA 0.45455"; NULL for PICTURE_TONES_UNSAID */
     char *said;
