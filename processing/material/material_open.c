@@ -34,9 +34,9 @@ static void tell_error(GError *error, struct mesorig_error *ret_error) {
     g_error_free(error);
 }
 
-/* Returns the path of the compressed material with the smallest error among a folder's files;
- * g_free(). A file whose error is not known is only used if there is no other. Returns NULL if
- * there is no compressed material. */
+/* Returns the path of the compressed material with the smallest error in a folder; g_free(). Files
+ * with an unknown error are used only if no file has a known error. Returns NULL if there is no
+ * compressed material. */
 static char *best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;
@@ -60,8 +60,9 @@ static char *best_of(const char *folder) {
     return best;
 }
 
-/* Returns the path of the BTF's folder, or else of the compressed file, that is opened for a
- * directory; g_free(). Returns NULL with an error. */
+/* Returns the path that is opened for the directory of a session; g_free(). It is the folder of the
+ * BTF if there is one, and otherwise the compressed material with the smallest error. Returns NULL
+ * with an error if there is neither. */
 static char *material_product(const char *directory, GError **error) {
     g_autofree char *products = g_build_filename(directory, "products", NULL);
     g_autofree char *session = btf_matrix_session(directory);
@@ -152,7 +153,7 @@ static int file_of(const void *bytes, size_t n, GError **error) {
     return -1;
 }
 
-/* Replaces the name of the file in an error of the readers by the path of the caller. */
+/* Replaces the path by the name, which the caller knows, in the message of an error. */
 static void material_rename(GError *error, const char *path, const char *name) {
     g_auto(GStrv) parts = g_strsplit(error->message, path, -1);
     g_free(error->message);

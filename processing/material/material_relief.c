@@ -5,11 +5,12 @@
 
 #include <math.h>
 
-#define MEASURED 0.99 /* weight of a view from which on the direction counts as measured */
-/* largest difference, in texels, of the depths of interpolation and shell at which the shell
- * confirms the interpolated depth */
-#define AGREEMENT  0.25
-#define MIN_SLOPE  0.01 /* lower bound of z of a view in divisions, as in shell_ray.c */
+#define MEASURED 0.99 /* a direction counts as measured if a view has at least this weight */
+/* The shell confirms an interpolated depth if the depth of the shell differs from it by at most
+ * this number of texels. */
+#define AGREEMENT 0.25
+/* where z of a view is a divisor, it is at least this, as in shell_ray.c */
+#define MIN_SLOPE  0.01
 #define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
 
 struct material_relief {
@@ -78,8 +79,8 @@ static void add(const float *depth, const gsize at[4], double p, double q, doubl
 }
 
 /* Returns the depth that the MDF gives, interpolated between texels and between views. ret_slope
- * gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters.
- * *ret_share is the largest weight of a view. */
+ * receives the slopes ∂depth/∂x and ∂depth/∂y (y upwards) in the plane where the ray enters.
+ * *ret_share receives the largest of the weights of the views. */
 static double interpolated_depth(const struct material_relief *relief, double u, double v,
                                  struct vec3 view, double ret_slope[2], double *ret_share) {
     const struct mdf_table *t = relief->table;
@@ -138,10 +139,11 @@ static struct vec3 normal_of_shell(const struct mdf_shell *shell, const struct s
     return missing > 0.0 ? vec3_unit(vec3_add(n, vec3_scale(v, missing))) : n;
 }
 
-/* Between measured directions, the interpolated depth is more exact than the shell on smooth
- * structure. At edges and under overhangs the interpolated depth is a mean of two surfaces, but the
- * shell has one of the two. So the interpolated depth is only taken where the shell confirms it. In
- * a measured direction, the MDF needs no confirmation. */
+/* Between measured directions, the interpolated depth is more exact than the shell where the
+ * structure is smooth. At edges and under overhangs, the interpolated depth is a mean of two
+ * surfaces, whereas the shell gives one of the two. The depth and the normal of the shell are
+ * therefore returned where its depth differs from the interpolated depth by more than AGREEMENT. In
+ * a measured direction, the MDF is used without this test. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              struct vec3 view, struct vec3 *ret_normal) {
     const struct mdf_shell *shell = material_relief_shell(relief);

@@ -26,8 +26,9 @@ static void sample_evaluate(gconstpointer context, int view, int texel, const fl
     formula->codec->evaluate(formula->model, &query, &(struct codec_texels){1, &texel, &one}, ret);
 }
 
-/* Returns whether the model is a formula, which evaluates the direction of the light itself. A
- * table of values gives 0 here, because sample_evaluate() names no measured lights. */
+/* Returns whether the model is a formula, which can be evaluated in any direction of the light. A
+ * model that is a table of values gives 0 here, because a table needs the weights of measured
+ * lights, and sample_evaluate() sets none. */
 static gboolean sample_is_formula(const struct sample_formula *formula,
                                   const struct btf_layout *layout) {
     const gsize n = btf_layout_texels(layout);

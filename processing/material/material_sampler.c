@@ -19,7 +19,8 @@
 #define INSIDE 2
 #define PICKED 4 /* number of texels that represent a cluster if a model has a formula */
 
-/* Cumulative sums, scaled to 1: of the rows, and of the cells in each row. */
+/* A distribution over cells, as cumulative sums from 0 to 1: rows over the rows, and cells[r] over
+ * the cells of row r. */
 struct table {
     float rows[CELLS + 1], cells[CELLS][CELLS + 1];
 };
@@ -44,7 +45,7 @@ struct making {
     float *texel;  /* one reconstructed texel */
     double *sums;  /* (clusters + 1) × (views + 1) × lights: sums of luminance */
     float *shapes; /* for each texel of the grid, PAIRS luminances (sampler_take_shape()) */
-    /* Texels that represent each cluster, and (last) all texels together. */
+    /* Texels that represent each cluster. The last element represents all texels together. */
     int n_picked[CLUSTERS + 1], picked[CLUSTERS + 1][PICKED];
 };
 
@@ -227,8 +228,8 @@ static void sampler_add(const struct making *m, int at) {
         }
 }
 
-/* The measured lights between which a point of a cell is interpolated. factor is directions_fade()
- * of the point (1 for a grid) over its z. */
+/* A point of a cell, by the measured lights between which values are interpolated there. factor is
+ * directions_fade() of the point, divided by its z. For a grid of directions, factor is 1 / z. */
 struct cell_point {
     struct direction_weights lights;
     double factor;
@@ -333,7 +334,7 @@ static struct cell_point *sampler_points(const struct material_sampler_source *s
             const double z = sqrt(fmax(1.0 - disc[0] * disc[0] - disc[1] * disc[1], 1e-9));
             const float light[3] = {(float)disc[0], (float)disc[1], (float)z};
             sampler_weigh(source->lights, source->n_grid, light, &to->lights);
-            /* The samples of a grid extend down to the horizon. */
+            /* The samples of a grid extend to the horizon, so values need not fade there. */
             to->factor = source->n_grid > 0
                              ? 1.0 / z
                              : directions_fade(source->lights, vec3(disc[0], disc[1], z)) / z;
@@ -481,7 +482,8 @@ float material_sampler_draw(const MaterialSampler *s, const float uv[2], const f
     const double z = sqrt(fmax(1.0 - disc[0] * disc[0] - disc[1] * disc[1], 0.0));
     ret_light[0] = (float)disc[0];
     ret_light[1] = (float)disc[1];
-    /* A direction on the rim of the disc must not be below the horizon. */
+    /* z is above 0 even on the rim of the disc, because the direction must not be below the
+     * horizon. */
     ret_light[2] = (float)fmax(z, 1e-7);
     return (float)sampler_density(s, cluster, &views, ret_light);
 }

@@ -49,9 +49,12 @@ typedef struct MaterialSampler MaterialSampler;
 MaterialSampler *material_sampler_new(const struct material_sampler_source *source);
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
-/* Draws a direction. uv is in tiles, v downwards; footprint is in tiles; random is two numbers in
- * [0, 1). Any thread. Returns the density of ret_light per solid angle. If the view is below the
- * horizon, returns 0 and sets ret_light to 0. */
+/* Draws a direction.
+ * - uv is a point of the material in tiles, with v downwards.
+ * - footprint is the width of the area that is shaded, in tiles.
+ * - random is two numbers in [0, 1).
+ * Returns the density of ret_light per solid angle. If the view is below the horizon, returns 0 and
+ * sets ret_light to 0. Any thread. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
 /* Returns the density with which material_sampler_draw() draws this light. Returns 0 if the light
