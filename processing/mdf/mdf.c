@@ -1,7 +1,7 @@
-/* A pixel's ray c + t r meets the sheet of light of its peak time at t (laser_lines_range_mm()).
- * The MDF value is the distance along the ray behind the reference plane, t − t₀ with t₀ =
- * (z_ref − c_z) / r_z. Each sweep gives up to two candidates per texel, which mdf_merge.c
- * combines. */
+/* The ray of a pixel is c + t r, with the camera's position c, the unit vector r and the range t.
+ * It meets the sheet of light of its peak time at a range t (laser_lines_range_mm()). The value of
+ * the MDF is the distance along the ray behind the reference plane: t − t₀ with t₀ = (z_ref − c_z)
+ * / r_z. Each sweep gives up to two candidates per texel, which mdf_merge.c combines. */
 #include "mdf.h"
 
 #include <math.h>
@@ -20,18 +20,19 @@
  * tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* ABOVE: maximum distance of a point above the reference plane. BELOW: maximum distance of a point
- * below the deepest structure (intersect()). Both are in units of TEXEL_SHARE of a texel, or of
- * FRAME_SHARE of the sheet's motion in a frame if this is larger. */
+/* Limits of the position of a point (intersect()). A point is at most ABOVE units above the
+ * reference plane, and at most BELOW units below the deepest structure. The unit is TEXEL_SHARE of
+ * a texel, or FRAME_SHARE of the sheet's motion in a frame if this is larger. */
 #define ABOVE 5
 #define BELOW 10
-/* minimum share, by weight, of the live pixels around a texel that have a peak */
+/* minimum share, by weight, of the live pixels (struct phases) around a texel that have a peak */
 #define SEEN_SHARE 0.75f
 #define LIVE_SHARE 0.25 /* minimum number of peaks of a live phase, relative to the best phase */
 /* height of a line, relative to the brightest one at a texel, that halves its weight */
-#define FAINT   0.5
-#define CONFIRM 2 /* number of neighbouring texels whose surface a candidate must continue */
-/* in units of agreement_mm; distances that differ by less lie on one surface */
+#define FAINT 0.5
+/* a candidate is kept if it continues the surface of at least this number of neighbouring texels */
+#define CONFIRM 2
+/* Distances that differ by at most CLOSE · agreement_mm lie on one surface. */
 #define CLOSE        0.2f
 #define MIN_TEXEL_PX 0.1 /* lower bound of the size of a texel in the picture, in pixels */
 /* reach of mdf_shown(), as a multiple of the reach of the interpolation (struct phases); see
@@ -41,20 +42,23 @@
 #define HIDDEN_SWEEPS 8
 /* if there are at least this many sweeps and they contradict each other, two of them must agree */
 #define MANY_SWEEPS 4
-#define OVER        (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
-#define LIGHT_DN    100.0   /* minimum height of a pulse whose time is not dominated by noise */
-/* minimum line width in frames that the frames sample well; LIGHT_DN and this limit are for
- * mdf_view_light() */
+/* value of MdfView.pixel_mm if the line lies above the reference plane */
+#define OVER (-2.0f)
+/* mdf_view_light() uses only pulses of at least this height, whose times are not dominated by
+ * noise */
+#define LIGHT_DN 100.0
+/* mdf_view_light() measures the scatter only if the line is on average at least this many frames
+ * wide, because narrower lines are not well sampled by the frames */
 #define LIGHT_FRAMES 0.7
 #define WIDTHS       50000 /* about this many pixels give the median width of a line */
 #define EVERY        3     /* mdf_view_light() examines the scatter of every third texel */
 
 /* What one sweep saw at a texel. */
 struct seen {
-    /* mm: distance along the texel's ray from the reference plane, below 0 if the sweep saw
-     * nothing; dn: height of the pulse */
+    /* mm: distance along the texel's ray from the reference plane, below 0 if the sweep saw nothing
+     * dn: height of the pulse in DN */
     float mm, dn;
-    float shown; /* share of the pixels around that saw a line (mdf_shown()) */
+    float shown; /* share of the pixels around the texel that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };
 
@@ -81,20 +85,23 @@ struct MdfView {
     /* n_pixels: distances that follow from the brightest and from the second pulse of one sweep; −1
      * if there is no pulse, or OVER */
     float *pixel_mm[2];
-    guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
+    /* for each texel, the number of sweeps whose line lies above the reference plane */
+    guint8 *over;
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     gboolean plain;                    /* see mdf_view_set_plain() */
-    /* Of each sweep. weight: mdf_weight(); tolerance_mm: distance within which candidates agree;
-     * frame_mm: depth of a frame. */
+    /* For each sweep:
+     * weight        mdf_weight()
+     * tolerance_mm  distance within which candidates agree with the mode (mdf_merge.h)
+     * frame_mm      depth of a frame along the ray through the middle of the texels */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
-    double line_frames[MDF_MAX_SWEEPS]; /* median standard deviation of the line in frames; 0 if
-                                           unknown */
-    /* width of the line relative to its width on plates; 0 if unknown */
+    /* for each sweep, the median standard deviation of the line in frames; 0 if unknown */
+    double line_frames[MDF_MAX_SWEEPS];
+    /* for each sweep, the width of the line relative to its width on plates; 0 if unknown */
     double line_ratio[MDF_MAX_SWEEPS];
     double turntable_rad;
-    /* covariance of the error of mdf_view_set_sight(), in columns and rows of texels; 0 if not
-     * set */
+    /* covariance that mdf_view_set_sight() was given, converted to columns and rows of texels; 0 if
+     * not set */
     double sight[2][2];
     double texel_mm;
     double texel_px[2]; /* pixels from one texel to the next, along rows and columns */
@@ -207,9 +214,10 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-/* Returns the distance by which the sheet moves in one frame, step · R, at the range R from the
- * source. ret_along_mm is the depth of a frame along a ray r, step · R / |n·r|; here the ray
- * passes through the middle of the texels. */
+/* Returns the distance in mm by which the sheet moves in one frame: step · R, with the angle of a
+ * step and the range R from the laser's source to the middle of the texels. ret_along_mm receives
+ * the depth of a frame along the ray r to this point: step · R / |n·r|, with the sheet's normal
+ * n. */
 static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
                            double *ret_along_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
@@ -225,11 +233,13 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
     return frame_mm;
 }
 
-/* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time. A
- * point above the plane by less than ABOVE has the distance 0. Returns OVER if the point is above
- * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the ray
- * does not go downwards, or if the intersection is grazing. Returns −1 also if the point is higher
- * still, or if it is below the structure by more than BELOW. */
+/* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time.
+ * height_mm is the unit of ABOVE and BELOW.
+ * - A point above the plane by less than ABOVE has the distance 0.
+ * - The result is OVER if the point is higher, but by less than the size of the sample.
+ * - The result is −1 if the point is higher still, or below the structure by more than BELOW.
+ * - The result is also −1 if there is no line, if the ray does not go downwards, or if ray and
+ *   sheet intersect at too small an angle. */
 static float intersect(const MdfView *view, const struct laser_sheets *sheets, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -291,8 +301,9 @@ struct near {
 struct nears {
     struct near near[16];
     int n;
-    /* Sums of weights. all: over all live pixels; seen: over live pixels with a peak; over: over
-     * live pixels whose point is above the reference plane (OVER). */
+    /* all: sum of the weights of all live pixels
+     * seen: sum over the live pixels with a peak
+     * over: sum over the live pixels whose point is above the reference plane (OVER) */
     float all, seen, over;
 };
 
@@ -347,10 +358,10 @@ struct side {
     float mm, dn, share;
 };
 
-/* Takes the surface with the largest weight of near pixels out of the set. On a tie, surfaces of
- * brightest pulses go before those of second pulses. The distance of the surface is the weighted
- * mean over the near pixels that agree with one and the same near pixel; −1 if there is no
- * surface. */
+/* Finds the surface that near pixels with the largest sum of weights see, and marks their pulses as
+ * taken. A surface is the set of pulses, at most one of each near pixel, that agree with the pulse
+ * of one near pixel. Its distance is the weighted mean of these pulses, or −1 if there is no pulse
+ * left. On a tie, a surface around a brightest pulse goes before one around a second pulse. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -396,8 +407,9 @@ static float closest_to(const MdfView *view, const struct laser_sweep *sweep, in
     return found >= 0 ? found : NAN;
 }
 
-/* Computes the bends of the surface at mm around the pixel with the largest weight, over one and
- * two spacings of the live pixels. A bend is NAN if a pixel has no pulse. */
+/* Computes the bends (mdf_errors.h) of the surface at the distance mm around the near pixel with
+ * the largest weight, over one and two spacings of the live pixels. A bend is NAN if one of its
+ * three pixels has no pulse. */
 static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int spacing_px,
                        const struct nears *nears, float mm, float ret_mm[MDF_BENDS]) {
     const struct near *middle = &nears->near[0];
@@ -430,10 +442,10 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
     return all > 0 ? seen / all : 0;
 }
 
-/* Stores the standard errors of the sheet's turn and roll. Without a line in the reference region,
- * these are the calibration's errors k. A line found there measures both angles a second time, with
- * the error e. The stored error is then that of the weighted mean, 1 / √(1 / k² + 1 / e²), or e
- * alone if the line contradicts the calibration. */
+/* Stores the standard errors with which turn and roll of the sheet are known. If no line was found
+ * in the reference region, they are the errors k of the calibration. A line there measures both
+ * angles a second time, with the error e. The stored error is then that of the weighted mean, 1 /
+ * √(1 / k² + 1 / e²). If the line contradicts the calibration, the stored error is e. */
 static void take_known(struct known *known, const struct laser_sweep *sweep) {
     const struct laser_lines *lines = sweep->lines;
     *known = (struct known){
@@ -489,10 +501,11 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         if (view->x_px[i] >= 0)
             find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
         view->over[i] += near.over > SEEN_SHARE * near.all;
-        /* At a depth edge, the near pixels see two surfaces. The texel lies on the one with more
-         * weight, and only the pixels of that surface are averaged. The other surface is a
-         * second candidate, about which other laser positions decide. If too few pixels saw the
-         * laser, there is no candidate. */
+        /* At a depth edge, the near pixels see two surfaces. The texel lies on the surface with
+         * more weight, and only the pulses of that surface are averaged. A second surface is a
+         * second candidate if at least SEEN_SHARE of the pixels see it too; the other laser
+         * positions decide between the two. If too few pixels saw the laser, there is no
+         * candidate. */
         if (near.n > 0 && !(near.seen < SEEN_SHARE * near.all))
             for (int k = 0; k < 2; k++)
                 side[k] = take_side(view, &near);
@@ -524,8 +537,10 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
 }
 
 /* Collects the candidates of a texel from all laser positions, and returns their number. The weight
- * of a candidate is mdf_weight · b² / (b² + FAINT²), b being the height of its pulse over that of
- * the brightest candidate of the texel. Much fainter lines graze the surface, or are reflections.
+ * of a candidate is mdf_weight · b² / (b² + FAINT²), where b is the height of its pulse divided by
+ * that of the brightest candidate of the texel. Much fainter lines graze the surface, or are
+ * reflections.
+ *
  * For the plain mean, only the brightest pulse of each sweep is collected, with the weight
  * mdf_weight. */
 static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
@@ -555,9 +570,9 @@ static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
 }
 
 /* Returns Σ ((a + b) / 2 − m)², where m is a texel's distance, and a and b are the distances of two
- * opposite neighbours. The sum is over the (up to four) pairs of neighbours whose distances are
- * both known. ret_pairs has the number of these pairs, and the number of other pairs within the
- * grid. */
+ * opposite neighbours. The sum is over the up to four pairs of neighbours of which both distances
+ * are known. ret_pairs[0] receives the number of these pairs, and ret_pairs[1] the number of the
+ * other pairs within the grid. */
 static double bends_mm2(const MdfView *view, const float *distance, int texel, int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const int width = view->grid.width, height = view->grid.height;
@@ -578,8 +593,8 @@ static double bends_mm2(const MdfView *view, const float *distance, int texel, i
     return squares;
 }
 
-/* Returns the mean of the squares of bends_mm2(). If texels have the noise σ, the mean is 1.5 σ² on
- * a plane. At a step it is about (step / 2)². Returns −1 if there is no pair. */
+/* Returns the mean of the squares that bends_mm2() sums, or −1 if there is no pair. If texels have
+ * the noise σ, the mean is 1.5 σ² on a plane. At a step it is about (step / 2)². */
 static double roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
     const double squares = bends_mm2(view, distance, texel, pairs);
@@ -587,9 +602,9 @@ static double roughness_mm2(const MdfView *view, const float *distance, int texe
 }
 
 /* Sets the standard errors of texels whose distance comes from one sweep. The squared error is (r²
- * + median of r² over the view) / 1.5. r² is the texel's roughness; the median is added because r²
- * may be small by chance. Without a known pair of opposite neighbours, the error is agreement_mm,
- * the largest step between texels of one surface. */
+ * + median of r² over the view) / 1.5, where r² is the texel's roughness_mm2(). The median is added
+ * because r² may be small by chance. If a texel has no pair of opposite neighbours with known
+ * distances, the error is agreement_mm, the largest step between texels of one surface. */
 static void find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
                              float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);
@@ -607,9 +622,11 @@ static void find_lone_errors(const MdfView *view, const float *distance, const f
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
 }
 
-/* Adds part 3 of mdf_errors.h. A step next to a texel bends the line through opposite neighbours
- * by half of its height, so that s² is 4 b² for their bends b. If a neighbour is unknown, it may
- * have any depth down to that of the deepest texel, so that s² is (deepest − m)² / 3. */
+/* Adds part 3 of mdf_errors.h: h s² is added to the squared error of each texel. s² is the mean
+ * over the texel's pairs of opposite neighbours. If both neighbours are known, the pair gives 4 b²,
+ * because a step next to the texel makes a bend b of half its height (bends_mm2()). If a neighbour
+ * is unknown, its depth may be anything between the texel's distance m and that of the deepest
+ * texel; the pair then gives (deepest − m)² / 3. */
 static void add_hidden_errors(const MdfView *view, const float *distance,
                               const struct mdf_spread *spreads, float *error_mm) {
     float deepest = 0;
@@ -631,8 +648,8 @@ static void add_hidden_errors(const MdfView *view, const float *distance,
 /* The part of a texel's error that comes from the calibration. */
 struct known_share {
     double sheets_mm2; /* variance caused by errors of the sheets */
-    /* Σ w dt/dx: change of the ranges t to the sheets from one column, and from one row, to the
-     * next */
+    /* Σ w dt/dx, with the ranges t to the sheets and their weights w: change of the mean range from
+     * one column to the next, and from one row to the next */
     double by_texel[2];
 };
 
@@ -642,11 +659,14 @@ static struct vec3 way_to(const MdfView *view, double column, double row) {
     return vec3_sub(rig_turn(p, view->turntable_rad), view->centre_mm);
 }
 
-/* If a sheet is displaced by δ across itself, the point on a ray r moves by δ / (n·r) along the
- * ray. The merged distance moves by Σ w δ / (n·r), where w are the normalised weights. All sweeps
- * of a laser have the same errors e, with δ = j·e. Their levers j add up to g = Σ w j / (n·r),
- * and the variance is the sum of gᵀ C g over lasers. samples are the n sweeps that were merged
- * to the distance mm. */
+/* Computes the calibration's part of the error of a texel. samples are the n candidates that were
+ * merged to the distance mm. If a sheet with the normal n is displaced by δ along n, its point on a
+ * ray r moves by δ / (n·r). The merged distance moves by Σ w δ / (n·r), where w are the weights,
+ * with the sum 1.
+ *
+ * All sweeps of a laser have the same errors e, with the covariance C, and δ = j·e with the lever j
+ * of the sweep. The levers of a laser add up to g = Σ w j / (n·r). The variance is the sum of gᵀ C
+ * g over the lasers. */
 static struct known_share share_known(const MdfView *view, int texel,
                                       const struct mdf_candidate *samples, int n, double mm) {
     struct known_share share = {0};
@@ -711,10 +731,10 @@ static double mdf_range_mm(const MdfView *view, const float *distance, int colum
            (double)distance[row * view->grid.width + column];
 }
 
-/* Adds the calibration's part to the standard errors. If the camera sees the sample x texels
- * away from the assumed position, the ranges of the sheets change by x dt/dx, and the range of
- * the surface along the assumed ray changes by x ds/dx. The error of the distance is the
- * difference. */
+/* Adds the calibration's part to the standard errors. If the camera sees the sample x texels away
+ * from the assumed position, two ranges along the assumed ray change: the ranges t to the sheets by
+ * x dt/dx, and the range s of the surface by x ds/dx. The error of the distance is the difference
+ * of these changes. */
 static void add_known_errors(const MdfView *view, const float *distance,
                              const struct known_share *shares, float *error_mm) {
     for (int i = 0; i < view->n_texels; i++) {
@@ -740,8 +760,8 @@ static void add_known_errors(const MdfView *view, const float *distance,
     }
 }
 
-/* Moves the candidates that continue the surface of at least CONFIRM neighbours to the front, and
- * returns their number. */
+/* Keeps only the candidates that continue the surface of at least CONFIRM neighbours. Moves them to
+ * the front and returns their number. */
 static int keep_continuing(const MdfView *view, const float *sure, int texel,
                            struct mdf_candidate *candidates, int n) {
     const int width = view->grid.width, height = view->grid.height;
@@ -782,9 +802,9 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_error[i] = -1;
         spreads[i] = merged.spread;
     }
-    /* If too few laser positions agree, uses the candidates that continue the surface around. If no
-     * candidate does and only one sweep saw the texel, uses the brightest pulse of that sweep,
-     * because nothing contradicts it. */
+    /* For texels on which too few laser positions agree, the candidates that continue the surface
+     * of their neighbours are merged. If no candidate does so and only one sweep saw the texel, the
+     * brightest pulse of that sweep is used, because nothing contradicts it. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;

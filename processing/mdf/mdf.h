@@ -39,30 +39,31 @@ void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
 void mdf_view_set_plain(MdfView *view);
 
 /* Merges all sweeps. Results have n_texels values each.
- *   ret_distance   mm; −1 if unknown: no sweep saw the texel; or, with four sweeps or more, the
- *                  sweeps that saw it contradict each other, and none of them continues the
- *                  surface around
+ *   ret_distance   mm, or −1 if unknown. It is unknown if no sweep saw the texel. With four sweeps
+ *                  or more, it is also unknown if the sweeps contradict each other and none of
+ *                  them continues the surface of the neighbours.
  *   ret_n          number of laser positions whose distances were averaged
  *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If ret_n
- *                  is 1, the error follows from the roughness of the surface around */
+ *                  is 1, the error follows from the roughness of the surface around the texel */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* How the laser's light behaves on the sample. Speckle makes the times of the sweeps scatter.
  * Light that leaves the material at another place makes lines wider. */
 struct mdf_light {
-    /* width of lines on the sample divided by their width on plates: median over pixels, mean over
-     * sweeps; 0 if unknown */
+    /* Width of lines on the sample divided by their width on plates: the median over pixels, then
+     * the mean over sweeps. 0 if unknown. */
     double width;
-    /* standard deviation of a sweep's time at a texel from the mean of the agreeing sweeps, in
-     * standard deviations of the line; median over texels; 0 if unknown */
+    /* Scatter of the times of the sweeps at a texel: the standard deviation from the mean of the
+     * agreeing sweeps, divided by the standard deviation of the line. The median over texels; 0 if
+     * unknown. */
     double scatter;
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* Gives the second most likely distance of each texel in ret_other (n_texels). It is merged, like
- * that of mdf_view_merge(), from the candidates that do not agree with `distance`, or from all
- * candidates where `distance` is −1. One laser position is enough. The result is −1 if there is no
- * such candidate. */
+/* Gives the second most likely distance of each texel in ret_other (n_texels). This distance is
+ * merged from the candidates that do not agree with `distance`, or from all candidates where
+ * `distance` is −1. Unlike in mdf_view_merge(), one laser position is enough. The result is −1 if
+ * there is no candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* Returns the number of texels without a distance whose surface lies above the reference plane. At

@@ -5,8 +5,8 @@
 #define AROUND 2  /* number of texels on each side of a texel whose scatter is used */
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
-/* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If no texel
- * around has any, returns the texel's own u. */
+/* Returns ū: the mean of u over the texels around a texel, weighted by degrees of freedom. If none
+ * of them has degrees of freedom, returns the texel's own u. */
 static double mdf_errors_around(const struct mdf_errors_grid *grid,
                                 const struct mdf_spread *spreads, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
@@ -47,9 +47,10 @@ static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_
     return best;
 }
 
-/* The mean of (z(x) − z(y))² is D(|x − y|) = |x − y|^p. Hence the mean square error of Σ w
- * z(corners) at a point is Σ w D − ½ Σ Σ w w D. For p above 2, D is a generalised covariance,
- * because w reproduces planes. */
+/* Computes q(p). The mean of (z(x) − z(y))² is D(|x − y|) = |x − y|^p. Hence the mean square error
+ * of the interpolated value Σ w z(corner) at a point is Σ w D − ½ Σ Σ w w D. The first sum is over
+ * the distances from the point to the corners, and the second over those between corners. For p
+ * above 2, D is a generalised covariance, because the weights w reproduce planes. */
 double mdf_errors_between(double p) {
     static const double corner[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
     double sum = 0;
@@ -84,8 +85,8 @@ static double exponent(const struct mdf_errors_grid *grid, const struct mdf_spre
     return squares[1] > 0 ? CLAMP(log2(squares[1] / squares[0]), 0, 4) : 0;
 }
 
-/* Returns b_x² + b_y² without noise: the mean over texels whose bends overlap with the bend of
- * this texel. Bends of spacing h reach h to both sides; two of them overlap by 1 − distance /
+/* Returns b_x² + b_y² without noise: the mean over the texels whose bends overlap with the bend of
+ * this texel. A bend of the spacing h reaches h to both sides. Two bends overlap by 1 − distance /
  * 2h. */
 static double mdf_errors_bent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
                               int texel) {

@@ -16,18 +16,19 @@
  * freedom about ū. k is the most likely value for the view (Smyth 2004; here ū is local).
  *
  * 2. An error that all sweeps have in common, because they sample the surface at the same pixels
- * and interpolate. The bend of the surface over the spacing h of the pixels is b = (z(−h) + z(h)) /
- * 2 − z(0). If V_b is the mean of b² and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² +
- * b_y²), for a surface whose squared differences grow with the p-th power of distance (Mandelbrot &
- * Van Ness 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough in every pixel.
- * b is the mean over sweeps, without the noise of the times.
+ * and interpolate. The bend of the surface z over the spacing h of the pixels is b = (z(−h) + z(h))
+ * / 2 − z(0). b is the mean over sweeps, without the noise of the times. V_b is the mean of b², and
+ * p follows from V_b(2h) / V_b(h) = 2^p. The variance of the interpolated distance is then q(p)
+ * (b_x² + b_y²) for a surface whose squared differences grow with the p-th power of distance
+ * (Mandelbrot & Van Ness 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough
+ * in every pixel.
  *
- * 3. An error that no sweep shows. Some pixels around a texel see no line in a sweep that lights
- * others. Those pixels may see another side of an edge, which is in shadow or too dark. The texel
- * lies on that side with the probability h, which is the mean over sweeps of the share of such
- * pixels (their weights decrease linearly to 0 at two pixel spacings). The step s between the sides
- * adds h s²; s² is computed from the texels around (mdf.c). With few sweeps, the shadow of one
- * sweep is a large part of h, and nothing is added.
+ * 3. An error that no sweep shows. In a sweep, some pixels around a texel may see no line although
+ * other pixels do. They may see another side of an edge, which is in shadow or too dark. The texel
+ * lies on that side with the probability h. h is the share of such pixels, as a mean over sweeps;
+ * their weights decrease linearly to 0 at two pixel spacings. A step s between the sides adds h s²
+ * to the variance. s² is computed from the texels around (mdf.c). With few sweeps, the shadow of
+ * one sweep is a large part of h, and nothing is added.
  */
 #pragma once
 
@@ -41,8 +42,8 @@ struct mdf_errors_grid {
 };
 
 /* Computes the errors of texels whose distance is the mean of at least two sweeps. Other elements
- * of ret_error_mm (width × height) are not changed. spreads is width × height; its members are 0
- * for unknown texels. */
+ * of ret_error_mm (width × height) are not changed. spreads has an element for each texel (width ×
+ * height), in which all members of an unknown texel are 0. */
 void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
                      float *ret_error_mm);
 

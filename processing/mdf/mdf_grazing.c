@@ -6,19 +6,23 @@
 #include <math.h>
 #include <string.h>
 
-#define DEG          (G_PI / 180.0)
-#define N_PHI        36   /* number of views in an added ring */
-#define GAP_DEG      2.5  /* degrees of θ between rings */
-#define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
-#define MAX_RAISED   2.0  /* maximum of raised (make_relief()), in standard deviations */
-#define MIN_NEXT_DEG 20.0 /* degrees; views with a smaller θ tell nothing about flat rays */
-#define HALVINGS     8    /* number of bisections in the search for raised */
-#define STEP         0.5  /* step along a ray, in texels */
+#define DEG     (G_PI / 180.0)
+#define N_PHI   36  /* number of views in an added ring */
+#define GAP_DEG 2.5 /* degrees of θ between rings */
+/* degrees; views at most this far from the steepest view form the relief */
+#define STEEP_DEG  20.0
+#define MAX_RAISED 2.0 /* maximum of raised (make_relief()), in standard deviations */
+/* degrees; no slope of raised is computed from rings with a smaller θ, because they tell nothing
+ * about flat rays */
+#define MIN_NEXT_DEG 20.0
+#define HALVINGS     8   /* number of bisections in the search for raised */
+#define STEP         0.5 /* step along a ray, in texels */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
-/* Depth below the reference plane, periodic in both dimensions. The arrays are h × w. weight and
- * square are the sums of the weights and of the weighted squared depths of a texel's points. */
+/* Depth below the reference plane, periodic in both dimensions. The arrays are h × w. For the
+ * points of a texel, weight is the sum of their weights, and square the sum of their weighted
+ * squared depths. */
 struct relief {
     int w, h;
     float *depth_mm, *square, *weight;
@@ -179,8 +183,8 @@ double mdf_table_raised(const struct mdf_table *t) {
 }
 
 /* Adds the views of those rings of rings_deg that are at least GAP_DEG flatter than the flattest
- * measured views. The relief of a ring is raised by raised + per_tan · (tan θ − tan θ of the
- * flattest measured views), limited to 0 … MAX_RAISED. */
+ * measured views. For a ring at θ, the relief is raised by raised + per_tan · (tan θ − tan θ_m),
+ * limited to 0 … MAX_RAISED. θ_m is the angle of the flattest measured views. */
 static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     const double flattest = flattest_deg(t, 90.0);
     gsize n = (gsize)t->width * t->height;

@@ -129,14 +129,14 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
             mode = candidates[i].mm;
         }
     }
-    /* Keeps only the candidate of each sweep that is closest to the mode. */
+    /* Only that candidate of each sweep is kept that is closest to the mode. */
     for (int i = 0; i < n; i++) {
         if (one_each == 0 || candidates[i].sweep != candidates[one_each - 1].sweep)
             candidates[one_each++] = candidates[i];
         else if (fabs(candidates[i].mm - mode) < fabs(candidates[one_each - 1].mm - mode))
             candidates[one_each - 1] = candidates[i];
     }
-    /* Robust standard deviation: 1.4826 × weighted median of |mm_i − mode|. */
+    /* spread is a robust standard deviation: 1.4826 × weighted median of |mm_i − mode|. */
     for (int i = 0; i < one_each; i++)
         deviations[i] =
             (struct deviation){(float)fabs(candidates[i].mm - mode), candidates[i].weight};

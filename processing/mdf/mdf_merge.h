@@ -5,11 +5,12 @@
 #define MDF_BENDS 4
 
 struct mdf_candidate {
-    /* mm: distance along the texel's ray from the reference plane; dn: height of the pulse in DN */
+    /* mm: distance along the texel's ray from the reference plane
+     * dn: height of the pulse in DN */
     float mm, dn;
     float shown; /* share of the pixels around the texel that saw a line */
-    /* bends over one spacing of the pixels that see the laser, along x and y, then over two
-     * spacings, see mdf_errors.h; NAN if unknown */
+    /* Bends along x and y over one spacing of the pixels that see the laser, then along x and y
+     * over two spacings (mdf_errors.h). NAN if unknown. */
     float bend_mm[MDF_BENDS];
     float tolerance_mm; /* > 0; a candidate that is this close to the mode agrees with it */
     float frame_mm;     /* > 0: depth of a frame of the sweep, along the ray */
@@ -34,15 +35,16 @@ struct mdf_merged {
     struct mdf_spread spread;
 };
 
-/* Merges the candidates of a texel. The candidates of a sweep are consecutive. If fewer than
- * `least` sweeps agree, the result is unknown. The function reorders the array: the candidates that
- * were averaged become the first ones. The true line shows the same surface for every laser
- * position, whereas reflections and highlights appear at times that depend on the position.
- * Therefore the mode is the distance that is supported by sweeps with the largest sum of weights.
- * Each sweep contributes its candidate that is closest to the mode. Sweeps without a close
- * candidate are outliers. */
+/* Merges the candidates of a texel. The candidates of a sweep are consecutive. The function
+ * reorders the array: the candidates that were averaged become the first ones. If fewer than
+ * `least` sweeps agree, the result is unknown.
+ *
+ * The true line shows the same surface for every laser position, whereas reflections and highlights
+ * appear at times that depend on the position. Therefore the mode is the distance at which the
+ * candidates of the sweeps have the largest sum of weights. Each sweep contributes its candidate
+ * that is closest to the mode. A sweep is an outlier if its candidate is too far from the mode. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);
 
-/* Merges as Wang et al. 2005 §3.2 prints it, for comparison: the mean of all candidates by their
- * weights. There is one candidate of each sweep. */
+/* Merges as printed in Wang et al. 2005 §3.2, for comparison: returns the mean of all candidates by
+ * their weights. Each sweep may have only one candidate. */
 struct mdf_merged mdf_merge_mean(const struct mdf_candidate *candidates, int n);

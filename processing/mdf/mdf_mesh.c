@@ -1,9 +1,12 @@
 /*
- * Samples are the centres of voxels, and further ones around them. Below the shell is a layer of
- * opaque samples, which is the base. All other samples around are free, so that the mesh is closed.
- * A cell has eight samples as corners. A cell with free and opaque corners has a vertex, at the
- * mean of the points where g crosses the level on its edges. Four cells around an edge between a
- * free and an opaque sample make a quad.
+ * The surface is found between samples of g, and each sample is opaque or free. Samples are the
+ * centres of the voxels and further ones around the shell. Those of the layer below the shell, the
+ * base, are opaque. All other samples around the shell are free, so that the mesh is closed.
+ *
+ * Eight neighbouring samples are the corners of a cell. A cell that has free and opaque corners
+ * gets a vertex, at the mean of the points where g crosses the level on its edges. Two neighbouring
+ * samples, of which one is free and the other opaque, have an edge between them that belongs to
+ * four cells. The vertices of these cells make a quad.
  */
 #include "mdf_mesh.h"
 
@@ -35,8 +38,8 @@ static double sample(const struct net *net, const int at[3]) {
     return net->shell->values[k] / 255.0 - net->level;
 }
 
-/* Returns the position of a sample along an axis, in mm. Samples around the solid are on its sides,
- * and the base is at the depth of the shell. */
+/* Returns the position of a sample along an axis, in mm. A sample outside of the solid gets the
+ * position of the nearest side. A sample of the base has the depth of the shell. */
 static double position(const struct net *net, int axis, int at) {
     const struct mdf_shell *s = net->shell;
     if (axis == 2 && at == s->depth)
@@ -57,7 +60,7 @@ static gboolean add_crossing(const struct net *net, const int from[3], int axis,
     const double a = sample(net, from), b = sample(net, to);
     if ((a >= 0.0) == (b >= 0.0))
         return FALSE;
-    /* At a side of the solid, the surface is the side. */
+    /* an edge that leaves the solid crosses the surface at the side of the solid */
     const gboolean outside = from[axis] < 0 || to[axis] >= net->n[axis];
     const double share = outside ? (from[axis] < 0 ? 0.0 : 1.0) : a / (a - b);
     for (int c = 0; c < 3; c++)

@@ -18,10 +18,11 @@ struct mdf_mesh {
 };
 
 /* Makes the mesh of one tile, by surface nets (Gibson 1998, “Constrained Elastic Surface Nets”) on
- * the centres of the voxels. The surface is where g (mdf_shell.h) has the median of its values at
- * the points where the measured rays of the table stop, limited to 0.05 … 0.95. The space below the
- * shell is solid over the height of a layer. Walls close the mesh at the four sides of the tile,
- * and a floor below. Each edge of a triangle is also an edge of another one, in the opposite
+ * the centres of the voxels. The surface is where g (mdf_shell.h) equals a level. The level is the
+ * median of g at the points where the measured rays of the table stop, limited to 0.05 … 0.95.
+ *
+ * A solid layer is added below the shell. The mesh has walls at the four sides of the tile, and a
+ * floor. It is closed: each edge of a triangle is also an edge of another triangle, in the opposite
  * direction. Any thread. */
 struct mdf_mesh *mdf_mesh_new(const struct mdf_shell *shell, const struct mdf_table *table);
 

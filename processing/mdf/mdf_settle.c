@@ -8,14 +8,16 @@
 #include <string.h>
 
 #define STEP 0.75 /* in texels; neighbours with a larger step lie on different surfaces */
-/* in texels; a distance agrees with a prediction that is this close, and predictions agree
- * within twice this range */
+/* In texels. A distance agrees with a prediction that is at most this far away. Predictions agree
+ * with each other within twice this range. */
 #define AGREE 0.25
 #define LEAST 2 /* minimum number of views that must agree on a prediction */
-/* number of views that must confirm a prediction for each view that sees through it */
+/* a prediction is accepted if at least this many views confirm it for each view that sees through
+ * it */
 #define DENIES  4
 #define GOES_ON 0.5 /* in texels; maximum step between a surface and its continuation */
-/* a surface that at least this many laser positions saw is taken to be lit beyond its last texel */
+/* If at least this many laser positions saw a surface, the surface is taken to be lit beyond its
+ * last texel as well. */
 #define LIT    4
 #define AROUND 2 /* minimum number of neighbours for would_be_seen() */
 
@@ -29,7 +31,7 @@ struct settling {
     const struct mdf_eye *views;
     int n, view;
     const struct mdf_plane *plane;
-    gboolean *open; /* n_texels: whether the view's own measurement is missing or refuted */
+    gboolean *open; /* for each texel, whether the view's own measurement is missing or refuted */
     /* n_texels distances for each asked view (mdf_views_asked()); INFINITY: no prediction */
     float *predicted;
     struct seen *seen;
@@ -107,8 +109,9 @@ static void poll(const struct settling *s, int texel, float mm, guint16 *yes, gu
     mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
 }
 
-/* Returns the nearest distance on which at least LEAST of the n sorted predictions agree, and which
- * at least LEAST views confirm and few views deny (DENIES). Returns −1 if there is none. */
+/* Returns the nearest distance on which at least LEAST of the n sorted predictions agree. At least
+ * LEAST views must also confirm this distance, and for each view that denies it, DENIES views must
+ * confirm it. Returns −1 if there is no such distance. */
 static float nearest(const struct settling *s, int texel, const float *predicted, int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
     for (int i = 0; i < n; i++) {
@@ -127,9 +130,9 @@ static float nearest(const struct settling *s, int texel, const float *predicted
 }
 
 /* Returns whether a prediction continues the surface of at least AROUND neighbours that at least
- * LIT laser positions saw. The lasers would then have reached the predicted point as well. Because
- * this view measured nothing there, it looks into a gap too narrow for the laser, and not at that
- * surface. */
+ * LIT laser positions saw. The lasers would then have reached the predicted point as well, and the
+ * view would have measured it. Because the view measured nothing there, it does not see that
+ * surface, but looks into a gap that is too narrow for the lasers. */
 static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const int width = s->plane->width, row = texel / width, column = texel % width;
@@ -146,8 +149,8 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
-/* Gives the distance of an open texel, or −1, and returns its source. Prefers the view's second
- * distance to the prediction, see mdf_views_settle(). */
+/* Gives the distance of an open texel in ret_mm, or −1, and returns where the distance is from. The
+ * view's second distance is preferred to the prediction of other views, see mdf_views_settle(). */
 static enum mdf_distance_source settle_texel(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;

@@ -1,15 +1,15 @@
 /*
- * Lengths are in texels. For σ = h, h(x) = Σ_k h_k φ_k(x), the likelihood is largest at the fixed
- * point of
+ * Computes the voxels of a shell. The symbols are those of mdf_shell.h; lengths are in texels. For
+ * a linear σ = h(x) = Σ_k h_k φ_k(x), the likelihood is largest at the fixed point of
  *
  *   h_k ← h_k · Σ_stops φ_k(stop) / h(stop)  /  Σ_rays ∫ φ_k ds
  *
- * (Richardson 1972, Lucy 1974). The iteration starts with the ratio of stops to lengths. For σ =
- * g⁴, a fixed point is
+ * (Richardson 1972, Lucy 1974). The iteration starts with Σ_stops φ_k(stop) / Σ_rays ∫ φ_k ds. For
+ * σ = g⁴, a fixed point is
  *
  *   g_k ← g_k · ( Σ_stops φ_k(stop) / g(stop)  /  Σ_rays ∫ g³ φ_k ds )^¼
  *
- * The iteration starts with the fourth roots of h. The fourth power makes the rise of σ at a
+ * This iteration starts with the fourth roots of h. The fourth power makes the rise of σ at a
  * surface steeper than linear interpolation can. Exponents of 2, 4, 6 and 8 were compared on grass,
  * pipes, blocks and a weave: 2 is worse on weave and blocks, and 8 on grass.
  */
@@ -19,15 +19,16 @@
 #include <string.h>
 
 #define DEG           (G_PI / 180.0)
-#define FINE_VIEWS    32 /* from so many views on, voxels are half as wide as texels */
+#define FINE_VIEWS    32 /* from this number of views on, voxels are half as wide as texels */
 #define MIN_LAYERS    4
 #define MAX_LAYERS    24
 #define MAX_RAYS      (1 << 20)
 #define MOST          10.0 /* σ per texel at the value 255 */
 #define LINEAR_ROUNDS 10
 #define POWER_ROUNDS  4
-#define STEP          0.5  /* step along a ray, in voxels */
-#define MIN_LENGTH    1e-3 /* in texels; voxels with a smaller length of rays in them are opaque */
+#define STEP          0.5 /* step along a ray, in voxels */
+/* in texels; a voxel is opaque if the length of all rays in it is smaller than this */
+#define MIN_LENGTH 1e-3
 /* smallest g of a voxel that rays have reached, so that the value can grow again */
 #define MIN_VALUE 1e-3
 
@@ -90,8 +91,9 @@ struct ray {
     double x, y, dx, dy, depth;
 };
 
-/* Calls a function for each ray of a texel that a laser saw. If there are more than MAX_RAYS
- * texels, only a regular selection is used, with a different offset in each view. */
+/* Calls a function for each ray of a texel that a laser saw. If the views have more than MAX_RAYS
+ * texels, the function is called only for a regular selection of texels, which has a different
+ * offset in each view. */
 static void for_each_ray(const struct mdf_table *t, int n_views,
                          void (*use)(const struct ray *, gpointer), gpointer data) {
     const gsize n = (gsize)t->width * t->height;
@@ -138,8 +140,8 @@ static void add_length(const struct ray *ray, gpointer data) {
     }
 }
 
-/* Returns h at the likelihood's maximum for σ = h. ret_reached says which voxels rays have reached;
- * h of the others is MOST. */
+/* Returns h at the likelihood's maximum for σ = h. ret_reached receives which voxels rays have
+ * reached. The other voxels get the value MOST. */
 static float *fit_linear(const struct mdf_table *t, int n_views, const struct grid *grid,
                          guint8 *ret_reached) {
     float *h = g_new(float, grid->n);

@@ -5,7 +5,7 @@
  * had. A shell is a generalised displacement map (Wang, X. et al. 2004, “Generalized Displacement
  * Maps”), for which Wang, J. et al. 2005 knew no way of capture.
  *
- * A ray that has gone ds further meets the structure there with the probability σ ds, where
+ * A ray that advances by ds meets the structure on this path with the probability σ ds, where
  *
  *   σ(x) = most_per_mm · g(x)⁴,   g(x) = Σ_k g_k φ_k(x)
  *
@@ -31,9 +31,9 @@ struct mdf_shell {
     guint8 *values; /* depth × height × width; top layer and top row first */
 };
 
-/* Makes a shell from the measured views of a table. With four views or more, it has at most as many
- * bytes as these views would have with a byte per distance. Space that no ray has reached is
- * opaque. Takes about a second for 60 views of 64² texels. Any thread. */
+/* Makes a shell from the measured views of a table. Space that no ray has reached is opaque. With
+ * four views or more, the shell has at most as many bytes as the depths of these views at one byte
+ * each. Takes about a second for 60 views of 64² texels. Any thread. */
 struct mdf_shell *mdf_shell_new(const struct mdf_table *table);
 
 typedef struct mdf_shell MdfShell;

@@ -8,35 +8,37 @@
 #define MDF_TABLE_ERROR mdf_table_error_quark()
 GQuark mdf_table_error_quark(void);
 enum mdf_table_error {
-    MDF_TABLE_ERROR_FORMAT, /* the file has no views or too many texels, or a view lacks distances,
-                               differs from the first view in size, has no texel that a laser saw,
-                               or has a distance, a scale or a texel size out of range */
+    /* The file has no views or too many texels. Or a view lacks distances, differs from the first
+     * view in size, has no texel that a laser saw, or has a distance, a scale or a texel size out
+     * of range. */
+    MDF_TABLE_ERROR_FORMAT,
 };
 
 #define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum number of texels of all views together */
 
 struct mdf_table {
     int width, height, n_views;
-    int n_measured; /* number of measured views, which are the first ones; 0: all are measured */
+    /* the first n_measured views are measured, the others are added; 0: all are measured */
+    int n_measured;
     double texel_mm;
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
     double deepest_mm;
-    /* in the shape of depth_mm: whether a laser saw the texel, or the view was traced; NULL means
-     * TRUE for all */
+    /* for each element of depth_mm, whether a laser saw the texel, or the view was traced; NULL
+     * means TRUE for all */
     guint8 *seen;
 };
 
-/* Creates a table. The angles (n_views) are copied; NULL means 0. Depths are not set, and seen
- * is NULL. */
+/* Creates a table. theta_deg and phi_deg have n_views elements and are copied; if one is NULL, its
+ * angles are 0. The depths are not set, and seen is NULL. */
 struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
                                 const float *theta_deg, const float *phi_deg);
 
 /* Returns a copy of the measured views only. */
 struct mdf_table *mdf_table_copy_measured(const struct mdf_table *table);
 
-/* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). Other errors than
- * MDF_TABLE_ERROR_FORMAT are those of exr_read() and exr_get_double(). */
+/* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). Returns NULL with
+ * MDF_TABLE_ERROR_FORMAT, or with an error of exr_read() or exr_get_double(). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
 /* Adds views at grazing angles, which were not measured. The added views are traced over the relief
  * of the steep views (mdf_grazing.c). */
@@ -55,8 +57,8 @@ void mdf_table_trace(struct mdf_table *table);
 void mdf_table_fill(float *depth, int width, int height);
 
 /* Returns the RMS difference in mm between the depths of the first n_measured views of two tables,
- * over texels that a laser saw in the first table. ret_most_mm (may be NULL) is the 99th percentile
- * of the absolute differences. Returns 0 if no laser saw a texel. */
+ * over texels that a laser saw in the first table. ret_most_mm (may be NULL) receives the 99th
+ * percentile of the absolute differences. Both are 0 if no laser saw a texel. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 

@@ -37,8 +37,8 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
            *ret_row <= plane->height - 1;
 }
 
-/* Compares p with the range low … high of the four texels around its ray. If p is nearer to the
- * camera than that range, the view sees through p. */
+/* Compares the distance of p with the range low … high of the four texels around its ray. If p is
+ * nearer to the camera than that range, the view sees through p. */
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p) {
     double column, row, mm, low = INFINITY, high = -INFINITY;

@@ -1,4 +1,5 @@
-/* Compares an MDF's views: the points of each view are looked up in the others. Any thread. */
+/* Compares the views of an MDF: the points of each view are looked up in the other views. Any
+ * thread. */
 #pragma once
 
 #include "base/vec.h"
@@ -30,10 +31,11 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
                            double *ret_column, double *ret_row, double *ret_mm);
 
 /* Counts for each texel of a view how many other views confirm its point (ret_confirmed) and how
- * many deny it (ret_denied). At most 24 other views are asked, evenly spread. A view confirms a
- * point that lies on the view's surface, within a third of a texel plus the slope of the surface
- * between texels. A view denies a point through which it sees. Views in which the point is hidden,
- * unknown or outside of the texels do neither. */
+ * many deny it (ret_denied). At most 24 other views are asked, evenly spread.
+ * - A view confirms a point that lies on the surface that it sees, within a third of a texel plus
+ *   the slope of the surface between texels.
+ * - A view denies a point through which it sees.
+ * - A view does neither if the point is hidden, unknown or outside of its texels. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
@@ -44,33 +46,38 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied);
 enum mdf_distance_source {
     MDF_UNSEEN,
     MDF_MEASURED, /* measured by the view itself */
-    MDF_OTHER,    /* the view's own second distance, which another view confirms */
+    MDF_OTHER,    /* the view's own second distance, which at least one other view confirms */
     /* from other views: this view measured nothing, or other views refute its measurement */
     MDF_PREDICTED,
 };
 
-/* Completes a view with the help of all views. The view's own measurements stay unless more of the
- * other views deny than confirm them. A refuted or missing value is replaced by the first of
+/* Completes a view with the help of all views. The view's own measurements stay, except where more
+ * of the other views deny than confirm them. A refuted or missing value is replaced by the first of
  * these that exists:
- * - the view's second distance, if the surface of another view lies there and no view sees
- *   through that point
- * - the nearest surface along the texel's ray that at least two other views see (between
- *   neighbouring texels on one surface, not across depth edges) and that hardly any view sees
- *   through. A missing value is not replaced by a surface that several lasers would have reached,
- *   because the surface continues that of measured neighbours.
- * Otherwise the value is unknown (−1). No height field is assumed: views in which a point is hidden
- * do not count. ret_source (n_texels): enum mdf_distance_source. */
+ * - the view's second distance, if the surface of another view lies there and no view sees through
+ *   that point
+ * - the nearest surface along the texel's ray that at least two other views see and that hardly any
+ *   view sees through. The surface is interpolated between neighbouring texels, but not across
+ *   depth edges.
+ *
+ * A missing value is not replaced by a surface that continues that of measured neighbours: several
+ * lasers would have reached this surface, and the view would have measured it. Without a
+ * replacement the value is unknown (−1).
+ *
+ * The surface need not be a height field, because views in which a point is hidden do not count.
+ * ret_source (n_texels) receives values of enum mdf_distance_source. */
 void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                       float *ret_distance, guint8 *ret_source);
 
 struct mdf_views_sums {
     int n_views;
-    /* texels: number of texels of all views; seen: number of those with a distance */
+    /* texels: number of texels of all views
+     * seen: number of texels with a distance */
     gint64 texels, seen;
     gint64 confirmed; /* number of texels that at least one other view confirms, and that are not
                          refuted */
-    /* refuted: number of texels that more other views deny than confirm; unknown: number of texels
-     * with a distance that no other view confirms or denies */
+    /* refuted: number of texels that more other views deny than confirm
+     * unknown: number of texels with a distance that no other view confirms or denies */
     gint64 refuted, unknown;
     /* number of texels without a distance whose surface the laser shows above the reference
        plane */
@@ -80,7 +87,10 @@ struct mdf_views_sums {
 };
 
 /* Reads products/mdf.exr and sums over its views. Uses the distances that each view measured itself
- * (channel M); D if there is no M. Fails if the file cannot be read or has no views. Fails also if
- * a view lacks distances or the position of its camera, if it differs from the first view in size,
- * if its distances are not finite, or if its camera is below the reference plane. */
+ * (channel M), or channel D if there is no M. Fails if the file cannot be read or has no views.
+ * Fails also if a view
+ * - lacks distances or the position of its camera,
+ * - differs from the first view in size,
+ * - has distances that are not finite, or
+ * - has a camera below the reference plane. */
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error);

@@ -3,7 +3,8 @@
 
 #include "mdf_views.h"
 
-#define MDF_TOLERANCE 0.33 /* of a texel: closer points are on the same surface */
+/* in texels; points that are closer than this are on the same surface */
+#define MDF_TOLERANCE 0.33
 /* maximum number of views with which a view is compared; if there are more, an evenly spaced
  * selection is used */
 #define MDF_MAX_ASKED 24
@@ -13,7 +14,8 @@ enum mdf_answer { MDF_NO_ANSWER, MDF_CONFIRMED, MDF_DENIED };
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p);
 
-/* Return the number of views with which a view is compared, and the index of the k-th of them. */
+/* mdf_views_asked() returns the number of views with which a view is compared. mdf_views_other()
+ * returns the index of the k-th of them. */
 int mdf_views_asked(int n);
 int mdf_views_other(int n, int view, int k);
 

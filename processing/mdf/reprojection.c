@@ -9,14 +9,14 @@
 
 /* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen with the weave and the brick of
  * tests/bench/fast_materials, see docs/lab/fast.md. */
-#define TOLERANCE 0.5  /* in texels; part of T_i (reprojection.h) */
-#define ERRORS    2.0  /* in standard errors; part of T_i (reprojection.h) */
-#define EPSILON   0.05 /* part of w_i (reprojection.h) */
-#define SHORTER   0.7  /* part of w_i (reprojection.h) */
+#define TOLERANCE 0.5  /* T_i of reprojection.h is TOLERANCE texels … */
+#define ERRORS    2.0  /* … plus ERRORS standard errors of the MDF */
+#define EPSILON   0.05 /* ε of reprojection.h */
+#define SHORTER   0.7  /* exponent a of reprojection.h */
 #define NEAREST   8    /* maximum number of views that have a weight h */
-#define STEP      0.25 /* in texels: distance between the points of a ray that are examined */
-/* in texels, divided by the cosine of the view's polar angle: neighbours with a larger step in
- * distance are on different surfaces */
+#define STEP      0.25 /* step between the points of a ray that are examined, in texels */
+/* Neighbouring texels are on different surfaces if their distances differ by more than this. In
+ * texels, divided by the cosine of the view's polar angle. */
 #define ONE_SURFACE 0.75
 /* The limit that corresponds to ONE_SURFACE for texels whose values are mixed. ONE_COLOUR is
  * larger, because a value belongs to the whole area of a texel. At a step, a mix of two values is
@@ -144,8 +144,9 @@ static int weight_of(struct reprojection_weights *weights, int view) {
     return weights->n++;
 }
 
-/* Computes h: Franke and Little's weights of the NEAREST views. ret_view is sorted by distance.
- * Returns the number of these views. */
+/* Computes h of reprojection.h: Franke and Little's weights of the NEAREST views. ret_view is
+ * sorted by the angle between the view and v. Returns the number of these views, which is less than
+ * NEAREST if there are fewer views. */
 static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_view[NEAREST],
                                 double ret_weight[NEAREST]) {
     double r[NEAREST + 1] = {0}, sum = 0;
@@ -208,8 +209,9 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     }
 }
 
-/* Returns the index of a texel that may lie beyond the plane's edges. If the sample is tiled, the
- * columns and rows repeat there. Otherwise the texel at the border that is nearest is returned. */
+/* Returns the index of a texel at a column and a row, which may lie beyond the plane's edges. If
+ * the sample is tiled, columns and rows repeat there. If not, the nearest texel at the border is
+ * returned. */
 static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
@@ -219,7 +221,7 @@ static int reprojection_texel(const Reprojection *s, int x, int y) {
     return CLAMP(y, 0, height - 1) * width + CLAMP(x, 0, width - 1);
 }
 
-/* A position among texels: the texel before it in both dimensions, and the remainders, 0 … 1. */
+/* A position among texels: the column and row of the texel before it, and the remainders, 0 … 1. */
 struct place {
     int i, j;
     float u, v;
@@ -248,7 +250,8 @@ static void four(const Reprojection *s, const struct place *at, int ret_texel[4]
     }
 }
 
-/* Gives the weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
+/* Gives the weights with which samples at −1, 0, 1 and 2 are interpolated at u, 0 … 1 (Keys
+ * 1981). */
 static void cubic(float u, float ret[4]) {
     const float a = CUBIC;
     for (int k = 0; k < 4; k++) {
@@ -316,8 +319,8 @@ static int spread(const Reprojection *s, int view, const struct look *look, doub
         const float d = eye->distance[texel];
         ret[k] =
             (struct reprojection_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
-        /* The 4 × 4 texels reach up to two texels from the position, but the four texels only one.
-         * Twice the difference in distance is therefore allowed. */
+        /* The 4 × 4 texels reach two texels from the position, whereas the 2 × 2 texels reach one.
+         * Therefore twice the difference in distance is allowed. */
         one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
     }
     if (one)

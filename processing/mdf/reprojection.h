@@ -59,18 +59,20 @@ struct reprojection_view { /* a measured view */
 /* Any number of threads may call the functions on the same object at the same time. */
 typedef struct Reprojection Reprojection;
 
-/* Makes a reprojection. The planes of the views are copied. With tiled, texels repeat beyond the
- * plane; otherwise nothing is known there. The error is DATA_ERROR_INVALID if there are no views,
- * if a camera is not above the plane, or if no distance is known. */
+/* Makes a reprojection. The planes of the views are copied. If tiled, the texels repeat beyond the
+ * plane; if not, nothing is known there. Returns NULL with DATA_ERROR_INVALID if there are no
+ * views, if a camera is not above the plane, or if no distance is known. */
 Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
                                int n, gboolean tiled, GError **error);
 
 /* Reads the MDF of a session (products/mdf.exr). Its views are put into the order of n directions,
- * which are those of a BTF. A direction without an MDF has no distances. The error is
- * DATA_ERROR_INVALID for the causes of reprojection_new(), if the file has no views, or if the
- * first view lacks reference_mm or a texel_mm above 0. It is also DATA_ERROR_INVALID if a view
- * lacks its distances or the position of its camera, has values that are not finite, or differs
- * from the first view in size. */
+ * which are those of a BTF. A direction that has no view in the MDF has no distances.
+ *
+ * Returns NULL with DATA_ERROR_INVALID for the causes of reprojection_new(), and if
+ * - the file has no views,
+ * - the first view lacks reference_mm or a texel_mm above 0,
+ * - a view lacks its distances or the position of its camera, has values that are not finite, or
+ *   differs from the first view in size. */
 Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
                                 int n, gboolean tiled, GError **error);
 void reprojection_free(Reprojection *reprojection); /* NULL is ignored */
@@ -86,8 +88,8 @@ struct reprojection_weights {
     float value[REPROJECTION_MAX_VIEWS]; /* w_i */
     float depth[REPROJECTION_MAX_VIEWS]; /* u_i */
 };
-/* Computes weights. at_mm is x, y of a point of the reference plane; v is a unit vector,
- * upwards. */
+/* Computes weights for the ray through the point at_mm (x, y) of the reference plane. v is the unit
+ * vector from this point to the camera, above the horizon. */
 void reprojection_weigh(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
                         struct reprojection_weights *ret);
 
@@ -95,15 +97,16 @@ void reprojection_weigh(const Reprojection *reprojection, const double at_mm[2],
 struct reprojection_hit {
     gboolean seen; /* FALSE if no view sees anything on the ray */
     double mm;     /* d(x, v); −1 if not seen */
-    struct vec3 p; /* the point of the surface; the texel's point x on the reference plane if not
-                      seen */
+    /* the point of the surface; if not seen, the texel's point x on the reference plane */
+    struct vec3 p;
     double weight; /* Σ_i w_i s(q_i); if not seen, Σ_i b_i = 1 */
 };
 void reprojection_trace(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
                         const struct reprojection_weights *weights, struct reprojection_hit *ret);
 
-/* A value is Σ weight · B(texel, view, l). The weights of all taps sum to 1. There are no taps for
- * a ray that no view sees and that meets the plane outside of texels that are not tiled. */
+/* A value is Σ weight · B(texel, view, l) over all taps. The weights of all taps sum to 1. A ray
+ * has no taps if no view sees it and it meets the plane outside of the texels of a sample that is
+ * not tiled. */
 struct reprojection_tap {
     int view, texel;
     float weight;

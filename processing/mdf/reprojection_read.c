@@ -7,7 +7,8 @@
 
 #include <math.h>
 
-/* cosine of a quarter of a degree; directions that differ by less belong to the same view */
+/* cosine of a quarter of a degree; a part belongs to a direction if the angle between them is
+ * less */
 #define SAME_COSINE 0.99999
 #define AGAIN       "; delete the file and process the session again"
 

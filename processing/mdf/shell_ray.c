@@ -5,12 +5,13 @@
 #define STEP      1.0 /* length of a step, in voxels along the texture or in layers */
 #define MIN_STEPS 4
 #define MAX_STEPS 4000
-#define MIN_GROWN 0.25 /* limits of the change of a tile's size along a ray */
+#define MIN_GROWN 0.25 /* limits of the change of a tile's size along a ray, as a factor */
 #define MAX_GROWN 4.0
-#define MIN_SLOPE 0.01 /* lower bound, in divisions, of the component of a ray along the normal */
+/* where the component of a ray along the normal is a divisor, it is at least this */
+#define MIN_SLOPE 0.01
 
-/* The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
- * the foot, which is the nearest point of the mesh. */
+/* The state of a ray that is marched. The foot of the ray is the point of the mesh that is nearest
+ * to it. The frame of tangent, bitangent and normal moves with the foot. */
 struct ray {
     const struct shell_surface *surface;
     double along[2];    /* direction of the ray in the tangent plane */
@@ -48,9 +49,9 @@ static void grown_at(const double stretch[4], const double foot[2], double ret[2
     }
 }
 
-/* Moves the ray further by dt, by the midpoint rule. The direction in the frame changes because the
- * frame turns: about an axis in the tangent plane by B, and about the normal because the lines of
- * the texture bend. */
+/* Advances the ray by dt, by the midpoint rule. The frame turns along the way: about an axis in the
+ * tangent plane because of B, and about the normal because the lines of the texture bend. The
+ * direction in the frame changes accordingly. */
 static void march(struct ray *r, double dt) {
     const struct shell_surface *s = r->surface;
     double foot[2], turn[2], along[2], middle[2], grown[2];
@@ -162,7 +163,7 @@ gboolean shell_ray_march(const struct mdf_shell *shell, const struct shell_surfa
         const double more = shell->most_per_mm * g * g * g * g * r.step_mm * dt / go;
         const gboolean at_base = depth >= shell->depth_mm;
         if (sum + more >= G_LN2 || at_base) {
-            /* The march continues, or returns, from the middle of the step to the hit. */
+            /* the ray is at the middle of the step; moves it forward or back to the hit */
             const double share = at_base ? 0.5 : (G_LN2 - sum) / more;
             march(&r, (share - 0.5) * dt);
             *ret = (struct shell_hit){from + dt * (i + share),

@@ -26,14 +26,15 @@ struct shell_hit {
 
 /* Marches a ray that enters the mesh at (u, v). view is the unit vector against the ray in the
  * frame of tangent, bitangent and normal there, above the horizon. limit is the distance at which
- * the ray ends, in the unit of the surface; INFINITY if there is none. Returns whether the ray
- * meets the structure before limit. A ray that goes below all structure counts as meeting the
- * structure at its base. Any thread. */
+ * the ray ends, in the unit of the surface, or INFINITY.
+ *
+ * Returns whether the ray meets the structure before limit. A ray that goes below all structure
+ * counts as meeting the structure at its base. Any thread. */
 gboolean shell_ray_march(const struct mdf_shell *shell, const struct shell_surface *surface,
                          double u, double v, const double view[3], double limit,
                          struct shell_hit *ret);
 
-/* Computes g of mdf_shell.h and its gradient along x, y (upwards) and the outward normal, per mm.
- */
+/* Returns g of mdf_shell.h. ret_gradient receives the gradient of g along x, y (upwards) and the
+ * outward normal, per mm. */
 double shell_ray_value(const struct mdf_shell *shell, double u, double v, double depth_mm,
                        double ret_gradient[3]);

@@ -1,6 +1,6 @@
-/* FLIP is the colour difference of the pictures as the eye resolves them, raised to a power.
- * Differences of edges and points make this power smaller. Sections and equations are those of
- * Andersson et al. 2020. */
+/* FLIP is the colour difference of two pictures as the eye resolves them, raised to a power. The
+ * power is smaller where the pictures differ in edges or points. Sections and equations are those
+ * of Andersson et al. 2020. */
 #include "flip.h"
 
 #include <float.h>
@@ -10,13 +10,13 @@
 
 #define PLANES 3
 #define Q_C    0.7F  /* sec. 4.1.4: exponent of the colour difference */
-#define P_C    0.4F  /* sec. 4.1.4: share of the maximum that is mapped to P_T */
-#define P_T    0.95F /* sec. 4.1.4: value to which the part P_C of the maximum is mapped */
+#define P_C    0.4F  /* sec. 4.1.4: the part P_C of the largest difference is mapped to P_T */
+#define P_T    0.95F /* sec. 4.1.4: see P_C */
 #define W      0.082 /* sec. 4.2.1: width of an edge, degrees */
 #define Q_F    0.5F  /* eq. 9 of sec. 4.2.3: exponent of the feature difference */
 
-/* The contrast sensitivity of each channel (table 1) is a sum of two Gaussians in the picture:
- * a √(π/b) exp(−π² x²/b), where x is in degrees. */
+/* The contrast sensitivity of each channel (table 1) is a sum of one or two Gaussians in the
+ * picture: a √(π/b) exp(−π² x²/b), where x is in degrees. */
 static const struct gaussian {
     double a, b;
 } sensitivity[PLANES][2] = {
@@ -112,7 +112,7 @@ static float colour_difference(const float a[3], const float b[3]) {
     return powf(distance, Q_C);
 }
 
-/* Returns the largest difference of two colours, that of green and blue. redistribute() maps
+/* Returns the largest colour_difference(), which is that of green and blue. redistribute() maps
  * differences of up to P_C times the largest one to 0 … P_T, and larger differences to P_T … 1 (eq.
  * 5). */
 static float largest_difference(void) {
@@ -226,8 +226,9 @@ static void feature_kernels_clear(struct feature_kernels *kernels) {
     g_free(kernels->point);
 }
 
-/* Returns the strength of edges or of points at each pixel of a luminance: the length of the vector
- * of its two first, or its two second, derivatives. g_free() */
+/* Returns the strength of edges or of points at each pixel of a luminance; g_free(). For edges it
+ * is the length of the vector of the two first derivatives, for points that of the two second
+ * derivatives. */
 static float *strength(const float *luminance, int width, int height,
                        const struct feature_kernels *kernels, const float *derivative) {
     const gsize n = (gsize)width * (gsize)height;
@@ -329,8 +330,9 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Gives the first and the last exposure of flip_hdr(), as exponents of 2. At the first, the tone
- * curve maps the brightest pixel to 0.85; at the last, the median (2021, sec. 3). */
+/* Gives the first and the last exposure of flip_hdr(), as exponents of 2 (2021, sec. 3). At the
+ * first exposure, the tone curve maps the brightest pixel to 0.85. At the last exposure, it maps
+ * the median of the pixels to 0.85. */
 static void exposures(const float *reference, gsize n, double *ret_first, double *ret_last) {
     const double level = 0.85;
     const double a = above[2] - level * below[2], b = above[1] - level * below[1],
