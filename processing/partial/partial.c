@@ -11,8 +11,9 @@
 #include "shared_exponent.h"
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* Maximum number of rectifications that are kept. Making one takes ten times as long as using it.
- * The quickest order of shots goes through all angles of the turntable again and again. */
+/* Maximum number of rectifications that are kept, because making one takes ten times as long as
+ * using it. If shots are in the quickest order, all angles of the turntable are needed again and
+ * again. */
 #define MAX_RECTIFIERS 64
 
 /* The rectification of a camera at an angle of the turntable. */
@@ -25,7 +26,8 @@ struct rectifier {
 
 struct picture {
     GBytes *texels; /* NULL if the picture is not measured */
-    char *sha256;   /* checksum of the frame that was read last, even if it could not be used */
+    /* checksum of the frame that was read last; it is also set if the frame could not be used */
+    char *sha256;
 };
 
 struct Partial {
@@ -35,7 +37,7 @@ struct Partial {
     GPtrArray *views, *lights, *shots;
     struct session_pairs *pairs;
     struct picture *pictures; /* for each pair */
-    guint8 *holes;            /* n_texels: whether the texel is a hole in any picture */
+    guint8 *holes;            /* for each texel, whether it is a hole in at least one picture */
     int n_measured;
     GQueue rectifiers; /* of struct rectifier */
     gint64 seen[2][2]; /* size and time of session.db and of its log at the last complete read */
@@ -71,8 +73,8 @@ void partial_free(Partial *partial) {
     g_free(partial);
 }
 
-/* Makes the grid coarser: at most PARTIAL_MAX_TEXELS in width and height, and all pictures within
- * PARTIAL_MAX_BYTES. */
+/* Makes the grid coarser, so that width and height are at most PARTIAL_MAX_TEXELS and all pictures
+ * together take at most PARTIAL_MAX_BYTES. */
 static void choose_grid(Partial *partial) {
     struct session_grid *grid = &partial->grid;
     const double n_pairs = MAX(partial_n_pairs(partial), 1);
@@ -177,9 +179,9 @@ static const Rectify *find_rectify(Partial *partial, const struct rig *rig, int 
                                 rectify_new(&rig->cameras[camera],
                                             &partial->calibration->camera_radiometry[camera], cfa,
                                             turntable_rad, &partial->grid, error)};
-    /* A random rectification is dropped. Shots go through all angles again and again, so that
-     * dropping the one that was not used for the longest time would always drop the one that is
-     * needed next. */
+    /* A random rectification is dropped. The shots go through all angles again and again. If the
+     * rectification were dropped that has not been used for the longest time, it would always be
+     * the one that is needed next. */
     if (partial->rectifiers.length == MAX_RECTIFIERS)
         rectifier_free(
             g_queue_pop_nth(&partial->rectifiers, (guint)g_random_int_range(0, MAX_RECTIFIERS)));
@@ -187,8 +189,8 @@ static const Rectify *find_rectify(Partial *partial, const struct rig *rig, int 
     return found->rectify;
 }
 
-/* Subtracts the camera's glare from a mosaic, as btf_make.c does. For "rgb", input_mosaic() has
- * already made a mosaic. */
+/* Subtracts the camera's glare from a mosaic, as btf_make.c does. cfa is the colour filter of the
+ * frame; from a frame of kind "rgb", input_mosaic() has already made a mosaic. */
 static void subtract_glare(const struct radiometry_camera *camera, const char *cfa, int width,
                            int height, float *mosaic) {
     double mean[3];
@@ -200,7 +202,8 @@ static void subtract_glare(const struct radiometry_camera *camera, const char *c
         mosaic[i] -= glare[radiometry_colour_at(cfa, i % width, i / width)];
 }
 
-/* Reads a frame and rectifies it: ρ = π L / (o E), with the output o of the lamp. */
+/* Reads a frame and rectifies it. A texel is ρ = π L / (o E), with its radiance L, its irradiance E
+ * from the lamp in the calibration, and the output o of the lamp. */
 static GBytes *read_picture(Partial *partial, const struct session_shot *shot,
                             const struct session_frame *frame, double output, GError **error) {
     static const char *const any[] = {NULL};
@@ -249,8 +252,8 @@ static GBytes *read_picture(Partial *partial, const struct session_shot *shot,
     return g_bytes_new_take(texels, n * sizeof *texels);
 }
 
-/* Returns whether session.db may have changed since the last complete read, and its present state
- * in ret. */
+/* Returns whether session.db may have changed since the last complete read. ret receives its
+ * present state, in the form of struct Partial's member seen. */
 static gboolean has_changed(const Partial *partial, gint64 ret[2][2]) {
     static const char *const names[] = {"session.db", "session.db-wal"};
     for (int i = 0; i < 2; i++) {
@@ -263,7 +266,7 @@ static gboolean has_changed(const Partial *partial, gint64 ret[2][2]) {
     return memcmp(ret, partial->seen, sizeof partial->seen) != 0;
 }
 
-/* Reads one frame if it is new. Returns whether it was. */
+/* Reads a frame if it has not been read yet. Returns whether it was read. */
 static gboolean take_frame(Partial *partial, const struct session_frame *frame,
                            const struct outputs *outputs, GArray *ret_pairs, char **ret_problem) {
     if (frame->shot < 1 || frame->shot > (gint64)partial->shots->len)
@@ -310,8 +313,8 @@ gboolean partial_read(Partial *partial, int most, GArray *ret_pairs, char **ret_
     return TRUE;
 }
 
-/* Chooses texels that are no hole in any picture, spread by the additive recurrence of the plastic
- * number (Roberts 2018). */
+/* Chooses the probes: texels that are no hole in any picture. They are spread by the additive
+ * recurrence of the plastic number (Roberts 2018). */
 static int choose_probes(const Partial *partial, int *ret_texels) {
     const int width = partial->grid.width, height = partial->grid.height;
     int n = 0;

@@ -1,8 +1,9 @@
 /*
- * The material of a session so far, while the session is captured: the pictures under lamps, each
- * rectified to a small grid of texels and divided by the radiance of a white diffuser, as in the
- * BTF (btf/btf.h). The session is only read. Pictures are kept in memory, 4 bytes per texel
- * (shared_exponent.h). A pair (view, light) has the index view · n_lights + light.
+ * The material of a session, while the session is captured. It consists of the pictures under lamps
+ * that exist so far. Each picture is rectified to a small grid of texels and divided by the
+ * radiance of a white diffuser, as in the BTF (btf/btf.h). Pictures are kept in memory, 4 bytes per
+ * texel (shared_exponent.h). A pair (view, light) has the index view · n_lights + light. The files
+ * of the session are only read.
  *
  * The differences from the BTF are:
  * - The grid is coarser.
@@ -10,7 +11,7 @@
  *   of the view do not exist yet.
  * - The output of a lamp is the one that is known when its picture is read.
  *
- * A Partial belongs to one thread at a time. A struct partial_sample may be used by another one.
+ * A Partial belongs to one thread at a time. A struct partial_sample may be used by another thread.
  */
 #pragma once
 
@@ -36,15 +37,18 @@ int partial_n_pairs(const Partial *partial);
 int partial_n_measured(const Partial *partial);
 
 /* Reads the pictures that were committed since the last call, at most `most` of them, in the order
- * of their shots, and appends their pairs (int) to ret_pairs. A picture whose shot was taken again
- * is read again. A file that cannot be read, and a camera that does not see the whole sample, are
- * left out with a line in *ret_problem (set if it is NULL; g_free()). Returns FALSE with an error
- * if the session cannot be read. */
+ * of their shots. ret_pairs (of int) receives their pairs, which are appended. A picture whose shot
+ * was taken again is read again.
+ *
+ * A file that cannot be read is left out, and so is a picture whose camera does not see the whole
+ * sample. *ret_problem then receives a line about it, if it is NULL before; g_free(). Returns FALSE
+ * with an error if the session cannot be read. */
 gboolean partial_read(Partial *partial, int most, GArray *ret_pairs, char **ret_problem,
                       GError **error);
 
-/* Returns the picture of a pair, height × width texels (shared_exponent.h), row by row, or NULL if
- * it is not measured. The bytes never change. Owned by the Partial; take a reference. */
+/* Returns the picture of a pair: height × width texels (shared_exponent.h), row by row. Returns
+ * NULL if the pair is not measured. The bytes never change. They are owned by the Partial; take a
+ * reference to keep them. */
 GBytes *partial_picture(const Partial *partial, int pair);
 
 /* What a prediction needs: the values of some texels (the probes), and the pairs that the remaining
@@ -54,9 +58,9 @@ struct partial_sample {
     int n_probes, n_measured;
     float *values;      /* n_probes × 3 × n_pairs, NAN if not measured */
     struct vec3 *at_mm; /* n_probes: positions of these texels in the sample frame */
-    /* planned: the n_planned pairs that are not measured yet, in the planned order of their shots.
-     * shots: for each of these pairs, the number of shots from the first one that is not done up to
-     * the shot of the pair. */
+    /* planned: the n_planned pairs that are not measured yet, in the planned order of their shots
+     * shots: for each of these pairs, the number of shots that must still be taken until the pair
+     *   is measured */
     int n_planned, *planned, *shots;
 };
 #define PARTIAL_PROBES 96
@@ -66,5 +70,5 @@ struct partial_sample *partial_sample(Partial *partial, GError **error);
 void partial_sample_free(struct partial_sample *sample); /* NULL is ignored */
 
 /* Returns the point of the reference plane at a fractional column and row, in the sample frame.
- * Whole numbers are the centre of a texel. */
+ * Whole numbers are the centres of texels. */
 struct vec3 partial_point_mm(const Partial *partial, double column, double row);

@@ -18,10 +18,12 @@ struct partial_later {
 };
 #define PARTIAL_LATER 6
 
-/* Makes a forecast. `like` is an earlier forecast of the same session, or NULL. The model is fitted
- * anew if `like` is NULL, or if the number of measured pairs has grown by a quarter since the model
- * of `like` was fitted. A fit takes seconds. Otherwise the model of `like` is used, which takes a
- * fraction of this time. The sample must have measured pairs. Errors are those of
+/* Makes a forecast. `like` is an earlier forecast of the same session, or NULL. The sample must
+ * have measured pairs.
+ *
+ * The model of `like` is used if there is one. The model is fitted anew if `like` is NULL, or if
+ * the number of measured pairs has grown by a quarter since that model was fitted. A fit takes
+ * seconds; using a model takes a fraction of this time. Errors are those of
  * nearest_prediction_new(). */
 PartialForecast *partial_forecast_new(const struct partial_sample *sample,
                                       const PartialForecast *like, const struct work *work,
@@ -30,7 +32,7 @@ PartialForecast *partial_forecast_ref(PartialForecast *forecast);
 void partial_forecast_unref(PartialForecast *forecast); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(PartialForecast, partial_forecast_unref)
 
-/* Returns the number of measured pairs of the sample. */
+/* Returns the number of measured pairs of the sample from which the forecast was made. */
 int partial_forecast_n_measured(const PartialForecast *forecast);
 /* Return the expected relative error of the whole BTF (nearest_prediction_error()), and the
  * expected error of a pair relative to its own values (nearest_prediction_pair_error()). */
@@ -38,8 +40,8 @@ double partial_forecast_error(const PartialForecast *forecast);
 double partial_forecast_pair_error(const PartialForecast *forecast, int pair);
 /* Gives the range of the error of the whole BTF (nearest_prediction_error_range()). */
 void partial_forecast_error_range(const PartialForecast *forecast, double ret[2]);
-/* Returns the expected errors after further shots, in the order of their shots. *ret_n is at most
- * PARTIAL_LATER. Owned by the forecast. */
+/* Returns the expected errors after further shots, sorted by the number of shots. *ret_n receives
+ * the number of elements, at most PARTIAL_LATER. The array is owned by the forecast. */
 const struct partial_later *partial_forecast_later(const PartialForecast *forecast, int *ret_n);
 
 /* Predicts the picture of a pair u from the measured pictures i, with the exact directions of each

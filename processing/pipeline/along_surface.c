@@ -1,5 +1,6 @@
-/* Makes the new views in two passes. First the distances of all views become the MDF, which the
- * session takes when it is made. Then the values are computed one view after the other. */
+/* Makes the new views in two steps. First, the distances of all new views are predicted, because
+ * the new session takes the whole MDF when it is made. Then the values are computed, one view after
+ * the other. */
 #include "along_surface.h"
 
 #include <gio/gio.h>
@@ -42,7 +43,7 @@ struct along {
     const float *from; /* the measured view that is being added */
     gsize stride;
     int from_view;
-    float *sums; /* n_texels × measured lights × 3: mixed values (mix()) */
+    float *sums; /* for each texel and measured light, three mixed values (mix()) */
 };
 
 static struct vec3 direction(const struct along *a, int view) {

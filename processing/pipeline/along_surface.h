@@ -24,21 +24,24 @@
 
 struct along_surface_result {
     struct import_result made;
-    int n_views, n_lights;           /* of the source */
-    gint64 holes, bounds, predicted; /* numbers of texels of the source, summed over its pictures
-                                        (btf_matrix.h) */
-    /* texels: number of texels of all new views; unseen: number of those whose surface no measured
-     * view sees */
+    int n_views, n_lights; /* of the source */
+    /* numbers of texels of the source, summed over its pictures (btf_matrix.h) */
+    gint64 holes, bounds, predicted;
+    /* texels: number of texels of all new views
+     * unseen: number of texels whose surface no measured view sees */
     gint64 texels, unseen;
 };
 
 /* Predicts the views and lights `to` of a session, and writes them as a new session to path. `to`
  * is NULL for the session's own nominal directions. path must not exist. work must not be NULL.
  * memory is the maximum number of bytes of the source's values to keep, 0 if not limited
- * (btf_matrix.h). The error is DATA_ERROR_INCOMPLETE if the session has no MDF or no BTF,
- * DATA_ERROR_EXISTS if path exists, and DATA_ERROR_INVALID if MDF and BTF differ in their texels.
- * Other errors are those of the functions that read the session and of import_material(). Progress
- * stages are "read", "surface", "import" and "eigenmaps". */
+ * (btf_matrix.h). Progress stages are "read", "surface", "import" and "eigenmaps".
+ *
+ * The error is
+ * - DATA_ERROR_INCOMPLETE if the session has no MDF or no BTF,
+ * - DATA_ERROR_EXISTS if path exists,
+ * - DATA_ERROR_INVALID if MDF and BTF differ in their texels,
+ * - otherwise an error of the functions that read the session, or of import_material(). */
 gboolean along_surface_predict(const char *session, const char *path,
                                const struct btf_directions *to, gint64 memory,
                                const struct work *work, struct along_surface_result *ret,

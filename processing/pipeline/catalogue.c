@@ -1,6 +1,6 @@
-/* Looks up the inputs of each view: the frames of all its lights and sweeps. The hash of a view's
- * inputs (checksums of frames, calibration, method version) decides whether a product is up to
- * date. */
+/* Looks up the inputs of each view: the frames of all its lights and sweeps. A hash of these inputs
+ * decides whether a product is up to date. It covers the checksums of the frames, the calibration
+ * and the version of the method. */
 #include "catalogue.h"
 
 #include "base/data_error.h"
@@ -91,8 +91,9 @@ static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* Returns the factor that makes a lamp's output relative to the calibration that is used. The
- * output was measured relative to the calibration of the capture. */
+/* Returns the factor that converts the output of the lamp in a shot. The stored output is relative
+ * to the calibration of the capture. The converted output is relative to the calibration that is
+ * used. */
 static double output_factor(const struct session_shot *shot, const char *camera, gpointer data) {
     const struct catalogue *catalogue = data;
     const struct rig *rig = &catalogue->rig;
@@ -105,7 +106,8 @@ static double output_factor(const struct session_shot *shot, const char *camera,
     return 1;
 }
 
-/* Reads shots and frames again. All other members never change. */
+/* Reads shots and frames again, with all members that follow from them. The other members of the
+ * catalogue never change. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
     clear_rows(catalogue);
     catalogue->frames = g_hash_table_new(NULL, NULL);
@@ -220,8 +222,9 @@ static const struct session_shot *find_shot(const struct catalogue *catalogue,
     return NULL;
 }
 
-/* Returns whether a frame is ready (its shot is done), awaited, or impossible (the plan skips it or
- * has no such shot). Sets ret only if the frame is ready. */
+/* Returns whether the frame of a shot is ready, awaited or impossible. It is ready if the shot is
+ * done. It is impossible if the plan skips the shot or has no such shot. Sets ret only if the frame
+ * is ready. */
 static enum catalogue_state find_input(const struct catalogue *catalogue,
                                        const struct session_shot *shot,
                                        const struct session_direction *view, struct input *ret) {
@@ -274,8 +277,9 @@ static const struct rig *rig_at_angle(const struct catalogue *catalogue, double 
     return at;
 }
 
-/* Adds a light to a view, and its inputs to the hash. input is NULL for a light that the plan left
- * out for this view. shot is then the skipped shot, which gives the lamp's position. */
+/* Adds a light and its input to a view, and the input to the hash. input is NULL for a light that
+ * the plan left out for this view. shot is then the skipped shot, which gives the lamp's
+ * position. */
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
@@ -373,9 +377,10 @@ static gboolean has_sheet(const struct calibration_laser *known) {
     return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
 }
 
-/* Returns the standard errors of a laser's turn and roll. If the laser turns, the sheet at the
- * sample moves by the angle times the distance of the laser. Calibrations of earlier versions do
- * not have the errors of the sheet. The errors of the laser's normal and axis are then used. */
+/* Returns the standard errors of a laser's turn and roll. The error of the turn is the error of the
+ * sheet's offset at the sample, divided by the distance of the laser. Calibrations of earlier
+ * versions do not have the errors of the sheet. The errors of the laser's normal and axis are then
+ * used. */
 static struct laser_known catalogue_laser(const struct calibration_laser *known,
                                           const struct rig_laser *laser) {
     const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;

@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-/* if lasers see at least this share of the texels, nothing is explained */
+/* there are no sentences about lasers if they see at least this share of the texels */
 #define MIN_SEEN 0.3
 /* minimum share of all pixels of the examined sweeps that must show a line */
 #define MIN_LINES  0.02
@@ -20,8 +20,9 @@
 /* a view is dark if its mean reflectance under the steepest light is below this; the blackest
  * paints reflect more */
 #define DARK 0.0005
-/* a view is also dark if its mean reflectance is below DARK_SHARE of the median over views, and the
- * mean of its brightest frame is less than DARK_DN above dark */
+/* A view is also dark if two conditions hold: its mean reflectance is below DARK_SHARE of the
+ * median over views, and the mean of its brightest frame is less than DARK_DN above the dark
+ * level. */
 #define DARK_SHARE 0.02
 #define DARK_DN    5.0
 /* a view is saturated if at least this share of its values are lower bounds */
@@ -29,14 +30,14 @@
 
 struct texts {
     Config *rig_conf;
-    gboolean imported; /* whether the session was imported; it then has no rig file */
+    gboolean imported; /* whether the session was imported; such a session has no rig file */
     Calibration *calibration;
     GPtrArray *views, *shots, *frames;
 };
 
 struct seen_view {
     const struct session_direction *view;
-    /* mean: the mean green reflectance of the texels, under the light nearest to the normal;
+    /* mean: the mean green reflectance of the texels, under the light nearest to the normal
      * saturated: the share of the view's values that are lower bounds */
     double mean, saturated;
 };
@@ -75,8 +76,8 @@ static const struct session_shot *shot_of(const struct texts *texts,
                : NULL;
 }
 
-/* Gives the share of pixels with a line over at most MAX_SWEEPS sweeps, and the number of sweeps
- * that could be read. */
+/* Examines at most MAX_SWEEPS sweeps. ret_lines receives the share of their pixels that show a
+ * line, and ret_sweeps the number of sweeps that could be read. */
 static void look_at_sweeps(Session *session, const struct texts *texts, double *ret_lines,
                            int *ret_sweeps) {
     g_autoptr(GPtrArray) sweeps = g_ptr_array_new();
@@ -168,9 +169,9 @@ static gboolean see_view(const char *path, struct seen_view *ret, GError **error
     return TRUE;
 }
 
-/* Returns the mean value of the brightest of at most MAX_FRAMES frames of a view, in DN above dark
- * at the longest exposure of the frame. ret_us is this exposure. Returns −∞ if no frame can be
- * read. */
+/* Returns the mean value of the brightest of at most MAX_FRAMES frames of a view, in DN above the
+ * dark level, at the longest exposure of the frame. ret_us receives this exposure in µs. Returns −∞
+ * if no frame can be read. */
 static double brightest_dn(Session *session, const struct texts *texts,
                            const struct session_direction *view, double *ret_us) {
     double most = -HUGE_VAL;
@@ -213,8 +214,8 @@ static char *name_views(const struct texts *texts, int n, int of, const struct s
         texts->calibration->rig.cameras[first->view->device].name, n == 1 ? "is" : "are");
 }
 
-/* Explains the views that are dark: those with a mean below DARK, and those with a mean below
- * DARK_SHARE of the median of all views if brightest_dn() is below DARK_DN. */
+/* Explains the views that are dark. A view is dark if its mean is below DARK. It is also dark if
+ * its mean is below DARK_SHARE of the median of all views, and brightest_dn() below DARK_DN. */
 static void explain_dark(Session *session, const struct texts *texts, const GArray *seen,
                          GPtrArray *ret) {
     g_autofree double *means = g_new(double, seen->len);

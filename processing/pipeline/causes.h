@@ -4,7 +4,7 @@
 #include "session/session.h"
 
 /* Appends sentences (g_free()) about likely mistakes. Most sentences state a measured number, and
- * the key to change. The sentences are about
+ * the key of a configuration file to change. The sentences are about
  *   - the session's suspicions (session_suspicions())
  *   - lasers that see too small a share of the texels
  *   - views that are dark or saturated

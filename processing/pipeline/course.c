@@ -4,9 +4,11 @@
 #include <sys/resource.h>
 #include <time.h>
 
-/* If work takes longer than estimated, this share of the estimate is assumed to be left. */
+/* If some work takes longer than estimated, this share of the estimate is still assumed to be
+ * left. */
 #define MIN_LEFT 0.05
-#define LITTLE_S 0.5 /* CPU time of work after the views below which its speed is not reliable */
+/* CPU time of work after the views; the speed of work that took less is not reliable */
+#define LITTLE_S 0.5
 
 struct course_task {
     struct time_left_task known;
@@ -22,8 +24,8 @@ struct Course {
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
-    struct time_left_made made[TIME_LEFT_WORKS]; /* work that this run has finished, without the
-                                                    present tasks */
+    /* work that this run has finished, not counting the elements of tasks */
+    struct time_left_made made[TIME_LEFT_WORKS];
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work of the present work after the views; −1 if none */
     double worked_s; /* CPU time of the process when the present work began */
@@ -87,7 +89,8 @@ void course_free(Course *course) {
 
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
     drop_tasks(course);
-    /* the speed before the first views is not typical: files were searched for, often on a disk */
+    /* The speed before the first view is not typical, because files were searched for, often on a
+     * disk. */
     if (course->speed.wall_s <= 0) {
         course->begun_us = course->looked_us = g_get_monotonic_time();
         course->looked_cpu_s = process_cpu_s();
@@ -136,8 +139,8 @@ void course_end(Course *course, enum time_left_work work, gboolean whole) {
     course->working = -1;
 }
 
-/* Adds the CPU time that the process got since the last call, during which course->n_busy threads
- * were busy. n_busy is the number of busy threads from now on. */
+/* Adds the CPU time that the process got since the last call to the measurement of the speed. In
+ * this time course->n_busy threads were busy. n_busy is the number of busy threads from now on. */
 static void look(Course *course, int n_busy) {
     const gint64 now_us = g_get_monotonic_time();
     const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
@@ -166,8 +169,9 @@ static double course_slower(const struct course_pace *pace) {
 }
 
 /* Returns the pace of views: the CPU time that they took, relative to the prediction of the rates.
- * Processors differ, and a processor that shares its caches and units with other work is slower.
- * Work that has not been measured yet is assumed to have the same pace. */
+ * The pace is not always 1, because processors differ, and because a processor that shares its
+ * caches and units with other work is slower. Work of which nothing is measured yet is assumed to
+ * have the pace of views. */
 static struct course_pace views_pace(const Course *course, const struct time_left_task *tasks) {
     struct course_pace pace = {0};
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
@@ -178,14 +182,15 @@ static struct course_pace views_pace(const Course *course, const struct time_lef
     return pace;
 }
 
-/* Returns the CPU time that the remaining work after the views will take. This work has a separate
- * pace as soon as some of it is done, because its single thread does not share a processor with a
+/* Returns the CPU time that the remaining work after the views will take. Once some of this work is
+ * done, it has a pace of its own, because its single thread does not share a processor with a
  * second one. */
 static double course_after_s(const Course *course, const struct course_pace *views) {
     struct course_pace pace = {0};
     const double slower = course_slower(views);
     /* The first part of this work may be slower or faster than the last, because the views of one
-     * elevation are read one after the other. A small share therefore counts little. */
+     * elevation are read one after the other. The present work therefore counts little while its
+     * share is small. */
     const double weight = course->share * course->share;
     double done_s = 0, after_s = 0;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
@@ -195,8 +200,8 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         pace_add(&pace, course, course->working, weight * done_s,
                  weight * course->share * course->expected[course->working]);
     }
-    /* Counts LITTLE_S more of such work, as if done at the pace of views. A short measurement then
-     * hardly changes the pace. */
+    /* Adds LITTLE_S of work at the pace of views. Without it, a short measurement could change the
+     * pace too much. */
     pace.cpu_s += LITTLE_S * slower;
     pace.said_s += LITTLE_S;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {

@@ -16,8 +16,8 @@ void course_free(Course *course);
 /* Sets the views to be made from now on, in the order in which threads take them. The array is
  * copied. Views that were made earlier still count as measured. */
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n);
-/* Report that a task begins or has ended. Call these functions in the thread that makes the task.
- * task is the index of the task in course_set_tasks(). */
+/* course_task_begin() reports that a task begins, and course_task_end() that it has ended. Call
+ * them in the thread that makes the task. task is the index of the task in course_set_tasks(). */
 void course_task_begin(Course *course, int task);
 void course_task_end(Course *course, int task);
 
@@ -26,15 +26,17 @@ void course_expect(Course *course, enum time_left_work work, double units);
 /* Reports the share, 0 … 1, of the present work after the views that is done. From then on the
  * speed of this work also counts. */
 void course_advance(Course *course, double share);
-/* Report that work after the views begins or has ended. After course_end(), no more work of this
- * kind is expected. `whole` is TRUE if the work was complete, so that its time can be used for
- * predictions. */
+/* course_begin() reports that work after the views begins, and course_end() that it has ended.
+ * After course_end(), no more work of this kind is expected. `whole` is TRUE if the work was
+ * complete, so that its time can be used for predictions. */
 void course_begin(Course *course, enum time_left_work work);
 void course_end(Course *course, enum time_left_work work, gboolean whole);
 
 /* Returns the seconds that all the remaining work will take, with the share of the processors that
- * the process got recently. Returns −1 if this is not known yet, because neither this run nor an
- * earlier one has measured such work. With MESORIG_TIME_LEFT=idle in the environment, returns the
- * time if each thread had a processor for itself. That time can be compared with CPU time on a busy
+ * the process got recently. Returns −1 if neither this run nor an earlier one has measured such
+ * work.
+ *
+ * If the environment variable MESORIG_TIME_LEFT is "idle", returns the time that the work would
+ * take if each thread had a processor for itself. That time can be compared with CPU time on a busy
  * machine (tests/bench/time_left). */
 double course_left_s(Course *course);
