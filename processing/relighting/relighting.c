@@ -23,7 +23,7 @@ struct reading {
     Relighting *to;
     const struct work *work;
     gint64 begun_us;
-    float *planes[3]; /* n_texels each: R, G, B of a picture, NaN for holes */
+    float *planes[3]; /* R, G and B of a picture, n_texels each; NaN for holes */
 };
 
 /* Copies a picture to the values and fills its holes. */

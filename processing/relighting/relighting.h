@@ -57,9 +57,9 @@ struct relighting {
 };
 typedef struct relighting Relighting;
 
-/* Reads the view of a session's BTF that is nearest to the normal. Errors are those of
- * near_field_read() and session_view_files_read(), and DATA_ERROR_INVALID if there are fewer than
- * RELIGHTING_MIN_LIGHTS lights or not enough memory. The progress stage is "read". */
+/* Reads the view of a session's BTF that is nearest to the normal. The error is DATA_ERROR_INVALID
+ * if there are fewer than RELIGHTING_MIN_LIGHTS lights or not enough memory. Other errors are those
+ * of near_field_read() and session_view_files_read(). The progress stage is "read". */
 #define RELIGHTING_MIN_LIGHTS 5
 Relighting *relighting_read(const char *session, const struct work *work, GError **error);
 void relighting_free(Relighting *relighting); /* NULL is ignored */
@@ -70,7 +70,7 @@ enum relighting_basis { RELIGHTING_PTM, RELIGHTING_HSH, RELIGHTING_RBF, RELIGHTI
 struct relighting_model {
     enum relighting_basis basis;
     int n_terms; /* of RELIGHTING_HSH: 4, 9 or 16 */
-    int planes;  /* of RBF and kriging: number of principal components; 0 keeps all pictures */
+    int planes;  /* number of principal components of RBF and kriging; 0 keeps all pictures */
     gboolean near;
     gboolean linear; /* whether Y is not encoded */
     double sigma;    /* of RBF; 0 means the best of nine */
@@ -78,20 +78,21 @@ struct relighting_model {
 
 /* Returns a name such as "ptm", "hsh9" or "rbf27"; g_free(). */
 char *relighting_model_name(const struct relighting_model *model);
-/* Returns how many numbers of a texel a file stores: three for each term of PTM and HSH; the number
- * of planes for RBF and kriging, or three for each light if planes is 0. */
+/* Returns how many numbers of a texel a file stores. For PTM and HSH, these are three for each
+ * term. For RBF and kriging, it is the number of planes, or three for each light if planes is 0. */
 int relighting_model_numbers(const struct relighting_model *model, int n_lights);
 
-/* Predicts P of each light from all other lights. ret_pictures is n_lights × height × width × 3, at
- * least 0. The error is DATA_ERROR_INVALID if the lights do not determine the terms when one of
- * them is left out, or if the kriging cannot be fitted, and G_IO_ERROR_CANCELLED. ret_sigma, which
- * may be NULL, is σ of RBF. The progress stages are "prediction", only for kriging, and
- * "relighting". */
+/* Predicts P of each light from all other lights. ret_pictures receives n_lights × height × width ×
+ * 3 values, at least 0. ret_sigma receives σ of RBF; it may be NULL. The progress stages are
+ * "prediction", only for kriging, and "relighting".
+ *
+ * The error is DATA_ERROR_INVALID if the kriging cannot be fitted, or if the lights do not
+ * determine the terms when one of them is left out. It is G_IO_ERROR_CANCELLED if cancelled. */
 gboolean relighting_leave_out(const Relighting *relighting, const struct relighting_model *model,
                               const struct work *work, float *ret_pictures, double *ret_sigma,
                               GError **error);
 
-/* Computes P of all lights: n_lights × height × width × 3; g_free(). */
+/* Returns P of all lights: n_lights × height × width × 3 values; g_free(). */
 float *relighting_pictures(const Relighting *relighting);
 
 /* Errors of predicted pictures, over all lights (metrics/psnr.h, ssim.h, flip.h). */
@@ -99,7 +100,7 @@ struct relighting_errors {
     double psnr_db;    /* of all values */
     double ssim, flip; /* means over the pictures; ssim is NaN for less than 11 × 11 texels */
 };
-/* Compares pictures of relighting_pictures() and relighting_leave_out(). ret_light_db has the PSNR
- * of each light; it may be NULL. */
+/* Compares pictures of relighting_pictures() and relighting_leave_out(). ret_light_db receives the
+ * PSNR of each light in dB; it may be NULL. */
 void relighting_compare(const Relighting *relighting, const float *pictures, const float *predicted,
                         struct relighting_errors *ret, double *ret_light_db);

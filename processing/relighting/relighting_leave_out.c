@@ -1,5 +1,5 @@
-/* The texels are divided into tiles, which share their weights. With planes, the texels of a tile
- * are first replaced by their principal components. */
+/* The texels of a tile share their weights. If the model has planes, the texels of a tile are first
+ * replaced by their principal components. */
 #include "relighting_private.h"
 
 #include <cblas.h>
@@ -10,22 +10,25 @@
 #include "base/data_error.h"
 #include "base/srgb.h"
 
-#define DISTANT_TILE 16 /* side of a tile in texels if all texels share their directions */
+#define DISTANT_TILE 16 /* side of a tile in texels, if all texels have the same directions */
 
 static const double sigmas[] = {0.1, 0.125, 0.16, 0.2, 0.25, 0.32, 0.4, 0.5, 0.7};
 
-/* The principal components of Y without one light. */
+/* The principal components of Y without one light, in planes rows of 3 n values. */
 struct components {
     double *vectors; /* planes × 3 n, orthonormal rows; the three columns of the light are 0 */
 };
 
 struct leaving {
     struct relighting_fit fit;
-    int tile, columns; /* tile: side of a tile in texels; columns: number of tiles in a row */
-    double *mean;      /* 3 n: mean of Y over the texels; 0 without planes */
-    struct components *components; /* of each light that is left out; NULL without planes */
-    float *pictures;               /* the result */
-    int failed_light;              /* −2: none failed */
+    /* tile: side of a tile in texels
+     * columns: number of tiles in a row */
+    int tile, columns;
+    double *mean; /* 3 n: mean of Y over the texels; all 0 if the model has no planes */
+    /* one element for each light that is left out; NULL if the model has no planes */
+    struct components *components;
+    float *pictures;  /* the result */
+    int failed_light; /* −2: none failed */
 };
 
 char *relighting_model_name(const struct relighting_model *model) {
@@ -88,7 +91,8 @@ static void picture_of(const struct relighting_fit *fit, int j, int texel, const
     }
 }
 
-/* Computes Ŷ_j = Σ_i w_ij Y_i of a texel, with Y (n × 3) and g (n × 3; NULL except for kriging). */
+/* Computes Ŷ_j = Σ_i w_ij Y_i of a texel. Y is n × 3. g is n × 3 for kriging, and NULL
+ * otherwise. */
 static void predict(const double *weights, int n, int j, const double *y, const double *g,
                     double ret[3]) {
     const double *w = weights + (gsize)n * (gsize)j;
@@ -114,7 +118,7 @@ static int n_probes(const Relighting *r) {
     return MIN(RELIGHTING_PROBES, r->width * r->height);
 }
 
-/* Returns the squared error of RBF with a σ at the probes, in the directions of each. */
+/* Returns the sum of squared errors of RBF with a σ, over all lights and probes. */
 static double rbf_error(struct relighting_fit *fit, double sigma) {
     const int n = fit->relighting->n_lights, probes = n_probes(fit->relighting);
     g_autofree double *weights = g_new0(double, (gsize)n *(gsize)n), *y = g_new0(double, 3 * n);
@@ -183,8 +187,8 @@ static gboolean fit_prediction(struct relighting_fit *fit, const struct work *wo
     return fit->prediction != NULL;
 }
 
-/* Adds the texels' Y and the products of Y to sums: mean (3 n) and covariance (3 n × 3 n, upper
- * triangle). */
+/* Computes the mean (3 n) and the covariance (3 n × 3 n, upper triangle) of Y over the texels. The
+ * arrays must be zeroed before. */
 static void add_up(const struct relighting_fit *fit, double *mean, double *covariance) {
     const int m = 3 * fit->relighting->n_lights;
     const int texels = fit->relighting->width * fit->relighting->height;
@@ -291,8 +295,9 @@ static void do_tile(int number, gpointer data) {
     }
 }
 
-/* Returns the side of tiles in texels. The direction to a lamp at the distance r turns by at most
- * d / r within a distance d of the centre, which is half a diagonal of the tile. */
+/* Returns the side of tiles in texels. A tile has no texel farther from its centre than half its
+ * diagonal d. At this distance, the direction to a lamp at the distance r differs by at most d /
+ * r. */
 static int tile_side(const struct relighting_fit *fit) {
     const Relighting *r = fit->relighting;
     const struct near_field *near = r->near;

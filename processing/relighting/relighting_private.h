@@ -4,7 +4,7 @@
 #include "relighting.h"
 #include "selection/prediction.h"
 
-/* A model that has been fitted to the pictures as far as all texels share it. */
+/* A model that has been fitted to the pictures, with everything that all texels share. */
 struct relighting_fit {
     const Relighting *relighting;
     const struct relighting_model *model;
@@ -13,7 +13,7 @@ struct relighting_fit {
 };
 
 /* Computes w_ij for directions of the lights: ret_weights[i + n · j]. Returns FALSE if the lights
- * do not determine the weights. *ret_light is then the light that cannot be left out, or −1 if even
- * all lights together do not determine the terms. */
+ * do not determine the weights. *ret_light then receives the light that cannot be left out. It
+ * receives −1 if even all lights together do not determine the terms. */
 gboolean relighting_weights(const struct relighting_fit *fit, struct vec3 view,
                             const struct vec3 *lights, int n, double *ret_weights, int *ret_light);

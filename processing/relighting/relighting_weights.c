@@ -8,7 +8,7 @@
 #include "formats/rti/rti.h"
 
 #define MIN_PIVOT 1e-9 /* minimum of a pivot, relative to the largest diagonal element of Aᵀ A */
-/* minimum of 1 − H_jj; below it, a term is determined by light j alone */
+/* minimum of 1 − H_jj; below it, only light j determines one of the terms */
 #define MIN_REST 1e-6
 
 static void terms_of(const struct relighting_model *model, struct vec3 light, float *ret) {
@@ -19,8 +19,8 @@ static void terms_of(const struct relighting_model *model, struct vec3 light, fl
         hsh_basis(l, model->n_terms, ret);
 }
 
-/* Computes w_ij = H_ij / (1 − H_jj) with H = B Bᵀ, B = A L⁻ᵀ and Aᵀ A = L Lᵀ. a and then B are n ×
- * k. */
+/* Computes w_ij = H_ij / (1 − H_jj) with H = B Bᵀ, B = A L⁻ᵀ and Aᵀ A = L Lᵀ. a is A (n × k), and
+ * receives B. */
 static gboolean press(const struct relighting_model *model, const struct vec3 *lights, int n,
                       double *ret, int *ret_light) {
     const int k = model->basis == RELIGHTING_PTM ? RTI_PTM_TERMS : model->n_terms;

@@ -9,8 +9,8 @@
 #define TILT_DEG   60.0 /* largest angle of an axis from the normal */
 #define NARROW_DEG 25.0 /* narrowest half-angle of a cone */
 #define WIDE_DEG   85.0
-/* probability that a sweep saw something that the model denies, or missed something that the model
- * predicts */
+/* Probability that a prediction of the model is wrong for a sweep: the sweep saw something where
+ * the model predicts nothing, or the reverse. */
 #define MISLED    0.05
 #define SETTLES   0.03 /* s = SETTLES + BY_WEIGHT · q */
 #define BY_WEIGHT 0.5
@@ -19,7 +19,8 @@
 
 struct CoverageModel {
     int n_cones, n_sweeps;
-    guint64 lights[MAX_CONES]; /* for each cone that the camera sees: the sweeps that light it */
+    /* for each cone that the camera sees, the set of sweeps that light it */
+    guint64 lights[MAX_CONES];
     double settles[COVERAGE_MAX_SWEEPS];
 };
 
@@ -67,8 +68,9 @@ double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep)
     return model->n_cones > 0 ? sum / model->n_cones : 0;
 }
 
-/* Returns Σ_k p_k [sweep lights k] / Σ_k p_k, p_k = MISLED^m, where m is the number of taken sweeps
- * for which the prediction of cone k differs from the observation. */
+/* Returns the share of the cones' weight that the sweep lights, Σ_k p_k [sweep lights k] / Σ_k p_k.
+ * The weight of a cone is p_k = MISLED^m, where m is the number of taken sweeps for which the
+ * prediction of cone k differs from the observation. */
 double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep) {
     double sum = 0, all = 0;
     for (int k = 0; k < model->n_cones; k++) {

@@ -1,6 +1,6 @@
-/* The expected benefit of a laser sweep before it is taken. The model says which points of a
- * surface are lit from one direction, if it is known from which directions they were lit and from
- * which they were not.
+/* The expected benefit of a laser sweep before it is taken. The model knows from which directions a
+ * point of a surface was lit, and from which it was not. It says with which probability the point
+ * is lit from another direction.
  *
  * The model assumes that a surface point is visible from, and lit from, all directions within a
  * cone about its axis. The rest of the sky is hidden by the point's own surface and by its
@@ -22,22 +22,22 @@
 
 #include <glib.h>
 
-/* maximum number at one turntable angle; each is a bit of a guint64 */
+/* maximum number of sweeps at one turntable angle; each is a bit of a guint64 */
 #define COVERAGE_MAX_SWEEPS 64
 
 typedef struct CoverageModel CoverageModel;
 
-/* Directions are unit vectors from the sample outwards, in one frame. quality is q of each sweep, 0
- * … 1. All arrays are copied. */
+/* Makes a model for a camera and n laser positions. Directions are unit vectors from the sample
+ * outwards, in one frame. quality is q of each sweep, 0 … 1. All arrays are copied. */
 CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
                                   const double *quality, int n);
 void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
 /* Returns the share of texels, among those that the camera sees, that a sweep is expected to settle
- * in addition to the taken sweeps. `sweep` is the number of this sweep. Bit i of `taken` stands
- * for sweep i. It is assumed to be unknown what the taken sweeps saw. Returns 0 if no cone of the
- * model contains the camera. */
+ * in addition to the taken sweeps. `sweep` is the number of this sweep. Bit i of `taken` stands for
+ * sweep i. What the taken sweeps saw is not used. Returns 0 if no cone of the model contains the
+ * camera. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
 /* Returns the probability that a sweep lights a point that the camera sees. `taken` and `lit` are

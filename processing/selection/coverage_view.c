@@ -8,28 +8,29 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* sine of the angle between ray and sheet, below which the depth is noise, as in mdf.c */
 #define MIN_SINE 0.03
-/* minimum number of peaks in a live phase of the colour filter, relative to the best phase, as in
- * mdf.c */
+/* minimum number of peaks in a live phase (one that sees the laser) of the colour filter, relative
+ * to the best phase, as in mdf.c */
 #define LIVE_SHARE 0.25
 /* Distances of two sweeps agree if they differ by at most TEXEL_SHARE of a texel, or by at most
  * FRAME_SHARE of the depth that corresponds to one frame of a sweep. */
 #define TEXEL_SHARE 0.5
 #define FRAME_SHARE 0.3
-/* in texels: points higher above the reference plane, or deeper below the deepest structure, do not
- * belong to the sample */
+/* In texels. A point that is higher above the reference plane than this, or deeper below the
+ * deepest structure, does not belong to the sample. */
 #define OUTSIDE_SHARE 2.0
 #define AGREE         2 /* minimum number of agreeing sweeps that make a distance known */
 
 struct sample { /* a texel that is examined */
-    /* the pixel above and left of the texel's centre; with the next column and row, all four phases
-     * of the colour filter are around that centre */
+    /* The pixel above and to the left of the texel's centre. Together with those of the next column
+     * and row, it covers all four phases of the colour filter. */
     int x, y;
     struct vec3 ray[4]; /* of the pixel (x + (k & 1), y + (k >> 1)) */
-    float onset_mm[4];  /* distance along ray[k] from the camera to the reference plane */
+    float onset_mm[4];  /* distance along ray[k] from the camera to the reference plane, mm */
 };
 
 struct seen {
-    float mm[2]; /* from the brightest and from the second pulse; −1 if there is none */
+    /* distances from the brightest and from the second pulse; −1 if there is no pulse */
+    float mm[2];
 };
 
 struct CoverageView {
@@ -39,7 +40,7 @@ struct CoverageView {
     struct vec3 centre_mm;
     double texel_mm, agreement_mm;
     GArray *samples; /* of struct sample */
-    /* of guint64: for each texel that is not known, the sweeps that saw something there */
+    /* of guint64: for each texel that is not known, the set of sweeps that saw something there */
     GArray *open;
     /* for each sweep an array of what it saw at each sample; NULL if the sweep was not added */
     struct seen *seen[COVERAGE_MAX_SWEEPS];
@@ -113,8 +114,8 @@ static void phases(const struct exr_part *part, const float *peak, gboolean ret_
 }
 
 /* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns
- * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is farther outside of
- * the sample's volume than OUTSIDE_SHARE. */
+ * −1 if there is no peak, or if the sheet is at a grazing angle. Returns −1 also if the point is
+ * outside of the sample's volume by more than OUTSIDE_SHARE. */
 static float distance(const CoverageView *view, const struct laser_sheets *sheets,
                       const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -162,7 +163,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
     struct seen *seen = g_new(struct seen, view->samples->len + 1);
     for (guint i = 0; i < view->samples->len; i++) {
         const struct sample *sample = &g_array_index(view->samples, struct sample, i);
-        int k = 0; /* the first of the four pixels around the texel whose phase sees the laser */
+        int k = 0; /* the first of the four pixels around the texel that sees the laser is used */
         while (k < 3 && !live[2 * ((sample->y + (k >> 1)) & 1) + ((sample->x + (k & 1)) & 1)])
             k++;
         const gsize pixel =
@@ -176,7 +177,8 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
     return TRUE;
 }
 
-/* Returns the sweeps of a sample that saw something, and the largest number of them that agree. */
+/* Returns the set of sweeps that saw something at a sample. ret_agree receives the largest number
+ * of them that agree. */
 static guint64 coverage_view_lit(const CoverageView *view, guint sample, int *ret_agree) {
     guint64 lit = 0;
     *ret_agree = 0;

@@ -28,22 +28,22 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
 void coverage_view_free(CoverageView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageView, coverage_view_free)
 
-/* Adds the sweep of a shot, as the view's camera saw it (the file of input), under the number
- * sweep, which is less than COVERAGE_MAX_SWEEPS. Replaces the sweep that was added under that
- * number before. Errors are those of input_read(). */
+/* Adds the sweep of a shot, as the view's camera saw it. input is the file of the camera's frame.
+ * The sweep gets the number sweep, which must be less than COVERAGE_MAX_SWEEPS; it replaces a sweep
+ * of the same number. Errors are those of input_read(). */
 gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,
                            const struct input *input, GError **error);
 
 struct coverage_sums {
-    int texels; /* texels that were examined and are in the picture */
+    int texels; /* number of texels that were examined and are in the picture */
     int known;  /* texels whose distance is known */
 };
-/* Counts the texels, and the texels that all added sweeps together make known.
- * coverage_view_expects() counts the same texels. */
+/* Counts the texels that were examined, and those that all added sweeps together make known.
+ * coverage_view_expects() examines the same texels. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
-/* Returns the share of the examined texels that are not known and that a sweep is expected to make
- * known. A texel that no sweep has seen needs two sweeps, and counts half. coverage_view_sum_up()
- * must have been called after the last sweep was added. model is the model of the view's camera,
- * with the same numbering of sweeps. */
+/* Returns the share of the examined texels that are not known yet and that the sweep is expected to
+ * make known. A texel that no sweep has seen needs two sweeps, and counts half.
+ * coverage_view_sum_up() must have been called after the last sweep was added. model is the model
+ * of the view's camera; its sweeps have the same numbers as those of the view. */
 double coverage_view_expects(const CoverageView *view, const CoverageModel *model, int sweep);

@@ -11,34 +11,36 @@
 /* Maximum number of missing pairs at whose distances the cross-validation is done. With 160 of them
  * the expected error has a standard deviation of 3 to 8 %, with 800 of 1 to 3 %. */
 #define EXAMINED 4000
-/* Relative standard deviation of Σ σ² that the cross-validation does not see, because the pairs t
- * and u differ and the probes are not the whole sample. The value is from weave, brick, peanuts and
- * brushed of docs/lab/fast.md. */
+/* Relative standard deviation of Σ σ² that the cross-validation cannot show, because the predicted
+ * pairs t are not the missing pairs u, and because the probes are not the whole sample. The value
+ * is from weave, brick, peanuts and brushed of docs/lab/fast.md. */
 #define UNSEEN 0.11
-/* limited_mean() cuts off highlights at max_gloss. What it cuts off counts as uncertain, but at
- * most MAX_BEYOND · max_gloss of it, because a lobe that was fitted to few pairs may be arbitrarily
- * bright between them. */
+/* limited_mean() cuts off highlights at max_gloss. The part that is cut off counts as uncertain, up
+ * to MAX_BEYOND · max_gloss. There is this limit because a lobe that was fitted to few pairs may be
+ * arbitrarily bright between them. */
 #define MAX_BEYOND 0.5
-/* Number of standard deviations of log Σ σ² on both sides of the expected error that the range of
- * nearest_prediction_error_range() has. */
+/* nearest_prediction_error_range() gives a range of this number of standard deviations of log Σ σ²
+ * on both sides of the expected error. */
 #define RANGE 1.645
 
 struct NearestPrediction {
     Prediction *model; /* without weights and factor */
-    /* neighbours: n_missing × NEAREST_NEIGHBOURS, of which each missing pair uses the first
-     * n_neighbours */
+    /* neighbours has NEAREST_NEIGHBOURS elements for each missing pair, of which the first
+     * n_neighbours are used. */
     int *neighbours, *n_neighbours;
     float *weights;
     double *variance; /* n_missing: k_uu − k_Suᵀ w_u */
     double *energy;   /* n_pairs: mean of ρ² over the rows of probes, measured or predicted */
     double total;     /* Σ energy */
-    double max_mean;  /* maximum of g at measured pairs, which also limits g of missing pairs */
-    /* minimum of the cosines at measured pairs, below which the diffuse part of g is that of a
-     * diffuser */
+    /* maximum of g at measured pairs, which is also the maximum of g at missing pairs */
+    double max_mean;
+    /* Minimum of the cosines cos θ_v and cos θ_l at measured pairs. The diffuse part of g does not
+     * change with a view below it, and changes with a light below it like that of a diffuser. */
     double min_cos_view, min_cos_light;
-    double *beyond; /* n_pairs: b, mean over the rows of probes; 0 at measured pairs */
-    double excess;  /* e */
-    double spread;  /* relative standard deviation of Σ σ² */
+    /* n_pairs: b of nearest_prediction.h, mean over the rows of probes; 0 at measured pairs */
+    double *beyond;
+    double excess; /* e */
+    double spread; /* relative standard deviation of Σ σ² */
 };
 
 void nearest_prediction_free(NearestPrediction *prediction) {
@@ -59,7 +61,7 @@ struct candidates {
     const int *known; /* n pairs, ascending */
     int n;
     const double *k;    /* n: covariance of each pair with the target */
-    double most;        /* pairs with a covariance above it are left out */
+    double most;        /* pairs whose covariance is larger than this are left out */
     const int *without; /* the group that is left out; NULL if there is none */
 };
 
@@ -109,7 +111,7 @@ static double solve(const Prediction *model, int u, const int *s, int n, double 
     return fmax(variance, 1e-12);
 }
 
-/* Calls one for each of n targets, with the covariances of the known pairs. */
+/* Calls the function `one` for each of n targets, with the covariances of the known pairs. */
 typedef void (*ForTarget)(int index, int target, const double *k, gpointer data);
 static void for_targets(const Prediction *model, const int *known, int n_known, const int *targets,
                         int n, ForTarget one, gpointer data) {
@@ -163,8 +165,8 @@ static void find_lowest(NearestPrediction *to, const struct prediction_rows *row
     }
 }
 
-/* Computes g of a pair as it is used, which is limited to what was measured. Returns the square of
- * what the limit takes from the highlights. */
+/* Computes g of a pair, limited to what was measured (ret). Returns the square of the part of the
+ * highlights that the limit cuts off. */
 static double limited_mean(const NearestPrediction *prediction, struct vec3 at_mm, int pair,
                            double ret[3]) {
     const Prediction *model = prediction->model;
@@ -181,7 +183,7 @@ static double limited_mean(const NearestPrediction *prediction, struct vec3 at_m
     return pow(fmin(gloss - used, MAX_BEYOND * model->max_gloss), 2);
 }
 
-/* Sets squares of the model to the means of g² s² over rows, and energy to those of ρ². */
+/* Sets squares of the model to the means of g² s² over rows, and energy to the means of ρ². */
 static void sum_up(NearestPrediction *to, const struct prediction_rows *rows,
                    const struct vec3 *at_mm) {
     Prediction *model = to->model;
@@ -223,13 +225,15 @@ static void sum_up(NearestPrediction *to, const struct prediction_rows *rows,
 struct validation {
     const NearestPrediction *of;
     const struct prediction_rows *rows;
-    const int *columns; /* n_pairs: column of each measured pair in the rows */
+    const int *columns; /* n_pairs: for each measured pair, its column in the rows */
     const int *limits;  /* for each target t: the missing pair u */
-    /* of each target: squared error, and its expected value without e */
+    /* squares: squared error of each target
+     * variances: expected squared error of each target, without the factor e */
     double *squares, *variances;
 };
 
-/* Predicts a measured pair from those as far from it as a missing one. */
+/* Predicts a measured pair t from the measured pairs that are at least as far from t as the missing
+ * pair u is. */
 static void validate_one(int index, int t, const double *k, gpointer data) {
     struct validation *v = data;
     const Prediction *model = v->of->model;
@@ -252,9 +256,10 @@ static void validate_one(int index, int t, const double *k, gpointer data) {
     v->variances[index] = model->squares[t] * variance;
 }
 
-/* Sets e and the spread from n targets. Targets that are the same pair t have similar errors, so
- * that the standard deviation of e is that of a ratio of sums over groups (Cochran 1977 eq. 2.46).
- * The errors of missing pairs scatter about their variances as those of the targets do. */
+/* Sets e and the spread (relative standard deviation of Σ σ²) from n targets. Several targets may
+ * be the same pair t, and then have similar errors. The standard deviation of e is therefore that
+ * of a ratio of sums over groups (Cochran 1977 eq. 2.46). It is assumed that the errors of missing
+ * pairs scatter about their variances as the errors of the targets do. */
 static void judge(NearestPrediction *to, const struct validation *of, const int *targets, int n) {
     const Prediction *model = to->model;
     g_autofree double *squares = g_new0(double, model->n_pairs);
@@ -288,7 +293,7 @@ static void judge(NearestPrediction *to, const struct validation *of, const int 
     to->spread = hypot(UNSEEN, sqrt(of_all) / (left + more));
 }
 
-/* Sets the factor e and the spread. They stay 1 and 0 if nothing is missing. */
+/* Sets the factor e and the spread. If no pair is missing, e stays 1 and the spread 0. */
 static void validate(NearestPrediction *to, const struct prediction_rows *rows) {
     const Prediction *model = to->model;
     const int n = MIN(model->n_missing, EXAMINED);
@@ -376,7 +381,7 @@ void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at
     limited_mean(prediction, at_mm, pair, ret);
 }
 
-/* Returns σ² of a missing pair, mean over the rows of probes. */
+/* Returns σ² of a missing pair, as the mean over the rows of probes. */
 static double expected_square(const NearestPrediction *prediction, int pair, double variance) {
     return prediction->excess * prediction->model->squares[pair] * variance +
            prediction->beyond[pair];

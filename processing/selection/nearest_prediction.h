@@ -41,11 +41,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(NearestPrediction, nearest_prediction_free)
 
 /* Gives the measured pairs from which a missing pair is predicted (*ret_pairs), and their weights
  * w_i (*ret_weights): z = Σ w_i z_i. Both arrays belong to the prediction. Returns the number of
- * pairs, at most NEAREST_NEIGHBOURS. Returns 0 for a measured pair, and if nothing is measured. */
+ * pairs, at most NEAREST_NEIGHBOURS. Returns 0 for a measured pair, and for all pairs if nothing is
+ * measured. */
 int nearest_prediction_weights(const NearestPrediction *prediction, int pair, const int **ret_pairs,
                                const float **ret_weights);
 
-/* Computes g of R, G, B of a pair at a position on the sample. */
+/* Computes g of R, G and B for a pair, at a position on the sample. */
 void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at_mm, int pair,
                              double ret[3]);
 
@@ -53,17 +54,17 @@ void nearest_prediction_mean(const NearestPrediction *prediction, struct vec3 at
  * contribute no variance. Returns 1 if nothing is measured. */
 double nearest_prediction_error(const NearestPrediction *prediction);
 
-/* Gives the range that the true error is expected in, with a probability of 90 %. The range is wide
- * if few pairs, such as those of a sharp highlight, have most of the error. */
+/* Gives the range in which the true error is expected with a probability of 90 %. The range is wide
+ * if most of the error is in few pairs, such as those of a sharp highlight. */
 void nearest_prediction_error_range(const NearestPrediction *prediction, double ret[2]);
 
 /* Returns the expected error of one pair, relative to its own values: √(Σ σ² / Σ ρ²) over probes.
  * Returns 0 for a measured pair, and 1 if nothing is measured. */
 double nearest_prediction_pair_error(const NearestPrediction *prediction, int pair);
 
-/* Returns the expected error (nearest_prediction_error()) after further pairs were measured: those
- * for which `more` (n_pairs) is TRUE. At most `targets` of the remaining missing pairs are
- * examined, evenly spread. Returns 1 if nothing is measured yet, and 0 if no missing pair would
- * remain. */
+/* Returns the error that is expected (nearest_prediction_error()) after further pairs are measured:
+ * those for which `more` (n_pairs) is TRUE. At most `targets` of the pairs that would still be
+ * missing are examined, evenly spread. Returns 1 if nothing is measured yet, and 0 if no pair would
+ * be missing. */
 double nearest_prediction_error_after(const NearestPrediction *prediction, const gboolean *more,
                                       int targets);

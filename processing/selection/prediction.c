@@ -155,8 +155,8 @@ static gboolean factorise(Prediction *prediction, GError **error) {
     return FALSE;
 }
 
-/* Computes k_uᵀ K⁻¹ and the variances. With B = L⁻¹ k, the weights are Bᵀ L⁻¹ and the variances
- * k_uu − |B_u|². */
+/* Computes the weights k_uᵀ K⁻¹ and the variances of missing pairs. With B = L⁻¹ k, the weights are
+ * Bᵀ L⁻¹ and the variances k_uu − |B_u|². */
 static void weigh(Prediction *prediction) {
     const int m = prediction->n_measured, n = prediction->n_missing;
     g_autofree double *b = g_new(double, MAX((gsize)m * (gsize)n, 1));
@@ -179,7 +179,8 @@ static void weigh(Prediction *prediction) {
         prediction->weights[i] = (float)b[i];
 }
 
-/* Computes s² of n rows of measured values: yᵀ K⁻¹ y / m. rows (n × m) become L⁻¹ y. */
+/* Computes s² = yᵀ K⁻¹ y / m of n rows of measured values y. rows (n × m) has the values, and
+ * receives L⁻¹ y. */
 static void prediction_scales(const Prediction *prediction, double *rows, int n, double *ret) {
     const int m = prediction->n_measured;
     cblas_dtrsm(CblasColMajor, CblasLeft, CblasLower, CblasNoTrans, CblasNonUnit, m, n, 1,
@@ -191,7 +192,7 @@ static void prediction_scales(const Prediction *prediction, double *rows, int n,
 }
 
 /* Sets excess_rms, excess_95, left_out_error and left_out_share from the errors of
- * cross-validation. scales are s² of each row. */
+ * cross-validation. scales has s² of each row. */
 static void validate(Prediction *prediction, const struct prediction_rows *rows,
                      const double *scales) {
     const gsize m = (gsize)prediction->n_measured, n = (gsize)rows->n, all = n * m;
@@ -224,8 +225,8 @@ static void validate(Prediction *prediction, const struct prediction_rows *rows,
     prediction->left_out_share = (double)within / (double)all;
 }
 
-/* Sets squares and energy to means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured
- * and predicted. */
+/* Sets squares to the mean over rows of g² s², for each pair. Sets energy to the mean over rows of
+ * Σ ρ², the sum over all pairs, measured and predicted. */
 static void sum_up(Prediction *prediction, const struct prediction_rows *rows,
                    const struct vec3 *at_mm, const double *scales) {
     const int m = prediction->n_measured, u = prediction->n_missing;
@@ -299,7 +300,7 @@ Prediction *prediction_new(const struct prediction_pairs *pairs, const float *pr
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error) {
     g_autoptr(Prediction) prediction = prediction_begin(pairs, probes, n_probes);
-    /* Sums of several threads of OpenBLAS depend on the number of threads. */
+    /* With several threads, the sums of OpenBLAS would depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     const gboolean ok =
@@ -323,8 +324,8 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     return low < prediction->n_measured && prediction->measured[low] == pair;
 }
 
-/* Predicts n rows, three (R, G, B) for each of at most FILL texels. means are g of all pairs of
- * these texels. */
+/* Predicts n rows: those of R, G and B of at most FILL texels. means has g of all pairs of these
+ * texels. */
 static void fill_rows(const Prediction *prediction, float *values, const double *means, int n,
                       float *ret_sigma) {
     const int m = prediction->n_measured, u = prediction->n_missing;

@@ -40,31 +40,34 @@
 #include "base/vec.h"
 #include "base/work.h"
 
-/* Directions are unit vectors in the sample frame, at the sample's centre. The pair (v, l) has the
- * index v · n_lights + l. */
+/* The pairs of view and light of a BTF. Directions are unit vectors in the sample frame, at the
+ * sample's centre. The pair (v, l) has the index v · n_lights + l. */
 struct prediction_pairs {
     int n_views, n_lights;
     const struct vec3 *views, *lights;
     /* positions of camera and lamp; NULL if cameras and lamps are far away */
     const struct vec3 *views_mm, *lights_mm;
-    /* n_views · n_lights: pairs with the same number are taken together, by one shot; NULL if each
-     * pair is taken separately */
+    /* n_views · n_lights: pairs with the same number are taken together, by one shot. NULL if each
+     * pair is taken by a separate shot. */
     const int *groups;
 };
 
 typedef struct prediction Prediction;
 
-/* Maximum number of measured pairs (otherwise DATA_ERROR_INVALID). K takes 8 bytes × their
- * square. */
+/* Maximum number of measured pairs; with more, the error is DATA_ERROR_INVALID. K takes 8 bytes ×
+ * the square of this number. */
 #define PREDICTION_MAX_MEASURED 6000
 
-/* Fits the model. probes are n_probes × 3 × n_pairs values ρ of R, G, B at some texels, NaN if not
- * measured. Some hundred texels are enough. at_mm (n_probes) are the positions of the texels in the
- * sample frame; NULL if all are in its centre. A pair is measured if at least half of the rows have
- * it. Rows that lack a value of a measured pair are left out. If nothing is measured, the constants
- * are defaults, and s² = 1. The error is DATA_ERROR_INVALID if no row is left, if more than
- * PREDICTION_MAX_MEASURED pairs are measured, or if K cannot be inverted. All arrays are copied.
- * Can be cancelled by work. The progress stage is "prediction". */
+/* Fits the model. probes has n_probes × 3 × n_pairs values ρ of R, G, B at some texels, NaN if not
+ * measured. Some hundred texels are enough. at_mm (n_probes) has the positions of the texels in the
+ * sample frame; NULL if all are in its centre. All arrays are copied. Can be cancelled by work. The
+ * progress stage is "prediction".
+ *
+ * A pair is measured if at least half of the rows have it. Rows that lack a value of a measured
+ * pair are left out. If nothing is measured, the constants are defaults, and s² = 1.
+ *
+ * The error is DATA_ERROR_INVALID if no row is left, if more than PREDICTION_MAX_MEASURED pairs are
+ * measured, or if K cannot be inverted. */
 Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes,
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error);
@@ -74,28 +77,32 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Prediction, prediction_free)
 gboolean prediction_is_measured(const Prediction *prediction, int pair);
 
 /* Predicts the missing pairs of n texels, at positions as in prediction_new(). values is n × 3 ×
- * n_pairs, finite at measured pairs; the missing pairs are set (≥ 0). ret_sigma is n × 3 × n_pairs,
- * 0 for measured pairs; it may be NULL. A row with a value that is not finite at a measured pair
- * gets NaN at all missing pairs. If nothing is measured, values are not changed. Any thread. */
+ * n_pairs and must be finite at measured pairs; the missing pairs are set to values ≥ 0. ret_sigma
+ * (n × 3 × n_pairs) receives σ, which is 0 for measured pairs; it may be NULL. A row with a value
+ * that is not finite at a measured pair gets NaN at all missing pairs. If nothing is measured,
+ * values are not changed. Any thread. */
 void prediction_fill(const Prediction *prediction, float *values, const struct vec3 *at_mm, int n,
                      float *ret_sigma);
 
-/* Returns the expected relative error, 1.5 √(Σ σ² / Σ ρ²) over all pairs and probes, to which
- * measured pairs contribute no variance. The factor is for shots that were chosen by their
- * variance. Returns 1 if nothing is measured. */
+/* Returns the expected relative error, 1.5 √(Σ σ² / Σ ρ²) over all pairs and probes. Measured pairs
+ * contribute no variance. The factor 1.5 is needed because the shots were chosen by their variance.
+ * Returns 1 if nothing is measured. */
 double prediction_error(const Prediction *prediction);
 
-/* Return the relative error of cross-validation, √(Σ (predicted − measured)² / Σ measured²) over
- * measured pairs, and the share of their values within 2 σ. Return NAN if nothing is measured. */
+/* prediction_left_out_error() returns the relative error of cross-validation, √(Σ (predicted −
+ * measured)² / Σ measured²) over measured pairs. prediction_left_out_share() returns the share of
+ * their values whose error is within 2 σ. Both return NAN if nothing is measured. */
 double prediction_left_out_error(const Prediction *prediction);
 double prediction_left_out_share(const Prediction *prediction);
 
-/* Computes how each light of one view is predicted from all other lights, for n lights in any
- * directions. The ratio of light j is predicted as z_j = Σ_i w_ij z_i from the ratios z_i = ρ_i /
- * g_i of the others, with w_ij = −(K⁻¹)_ij / (K⁻¹)_jj and w_jj = 0 (Rasmussen and Williams 2006 eq.
- * 5.12, where K is the covariance of the n lights and has the constants of the model). view and
- * lights are unit vectors; ret_weights[i + n · j] is w_ij. Returns FALSE if K cannot be inverted.
- * Any thread. */
+/* Computes how each of n lights of one view is predicted from the other lights. The lights may be
+ * in any directions. view and lights are unit vectors. Returns FALSE if K cannot be inverted. Any
+ * thread.
+ *
+ * The ratio of light j is predicted as z_j = Σ_i w_ij z_i from the ratios z_i = ρ_i / g_i of the
+ * others, with w_ij = −(K⁻¹)_ij / (K⁻¹)_jj and w_jj = 0 (Rasmussen and Williams 2006 eq. 5.12). K
+ * is the covariance of the n lights, with the constants of the model. ret_weights[i + n · j]
+ * receives w_ij. */
 gboolean prediction_left_out_weights(const Prediction *prediction, struct vec3 view,
                                      const struct vec3 *lights, int n, double *ret_weights);
 /* Computes g of R, G, B for a view and a light. */
@@ -110,18 +117,21 @@ struct prediction_shot {
 };
 struct prediction_choice {
     int shot; /* index of the chosen shot */
-    /* expected errors without and with the shot, as of prediction_error() */
+    /* expected errors without and with the shot, as prediction_error() returns them */
     double error_before, error_after;
 };
 
 /* Chooses up to `most` shots, one at a time. Each time, it chooses the shot that reduces the summed
  * variance of all pairs most for its price, given all pairs that are measured or were chosen before
  * (the criterion A of optimal design; Krause et al. 2008). taken (n_shots) marks shots that cannot
- * be chosen; it may be NULL. ret has space for `most` choices. Returns the number of chosen shots,
- * which is smaller than `most` if no others are left or if no other shot reduces the variance. The
- * sums are over at most PREDICTION_TARGETS pairs, spread over all. If more than
- * PREDICTION_CANDIDATES shots are left, only that many, evenly spread, are considered. Returns −1
- * with an error when cancelled. The progress stage is "choice". */
+ * be chosen; it may be NULL. ret has space for `most` choices. The progress stage is "choice".
+ *
+ * Returns the number of chosen shots. This number is smaller than `most` if no more shots are left,
+ * or if no other shot reduces the variance. Returns −1 with an error when cancelled.
+ *
+ * To save time, the sums are over at most PREDICTION_TARGETS pairs, which are spread over all. If
+ * more than PREDICTION_CANDIDATES shots are left, only this number of them, evenly spread, is
+ * considered. */
 #define PREDICTION_TARGETS    900
 #define PREDICTION_CANDIDATES 1200
 int prediction_choose(const Prediction *prediction, const struct prediction_shot *shots,

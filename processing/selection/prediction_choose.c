@@ -17,20 +17,24 @@
 
 struct choice {
     const Prediction *prediction;
-    /* n_pairs: number of pairs that are considered; n_targets: number of targets among them */
+    /* n_pairs: number of pairs that are considered
+     * n_targets: number of targets among them */
     int n_pairs, n_targets;
-    int *pairs; /* n_pairs indices of pairs; the targets are first */
+    int *pairs; /* indices of the n_pairs pairs; the targets are first */
     int *place; /* for each pair of the material, its index in pairs, or −1 */
     int n_factors, room;
     double *factors; /* F: n_pairs × room, row by row */
     double *c;       /* C: n_pairs × n_targets, row by row, multiplied by g s of the target */
     double *left;    /* n_targets: conditional variances of ρ */
-    double to_all;   /* ratio of the sum over all missing pairs to that over targets */
+    /* the sum of variances over all missing pairs, divided by the sum over the targets */
+    double to_all;
 };
 
 /* The pairs of a shot that are not measured, and their conditional covariance C_BB. */
 struct choice_block {
-    int n, *at;   /* n: number of the pairs; at: their indices in choice.pairs */
+    /* n: number of the pairs
+     * at: their indices in choice.pairs */
+    int n, *at;
     double *chol; /* n², column by column: Cholesky factor of C_BB */
 };
 
@@ -49,16 +53,16 @@ static void choice_add_pair(struct choice *choice, int pair) {
     choice->pairs[choice->n_pairs++] = pair;
 }
 
-/* Returns a number below n that does not follow the order of i (Knuth 1998, §6.4, multiplicative
- * hashing). */
+/* Returns a number below n that looks random in i (Knuth 1998, §6.4, multiplicative hashing). */
 static int choice_scatter(int i, int n) {
     return (int)(((guint32)i * 2654435769u >> 8) % (guint32)n);
 }
 
-/* Sets pairs, place and n_targets. The list of missing pairs is divided into PREDICTION_TARGETS
- * sections of about the same length (or one for each missing pair if there are fewer). One pair at
- * an irregular place of each section becomes a target. With regular steps, the targets could be
- * pairs of only a few lights. All other pairs of the candidates that are not measured follow. */
+/* Sets pairs, place and n_targets. Each target is taken from one of PREDICTION_TARGETS sections of
+ * the list of missing pairs, of about the same length. If there are fewer missing pairs, each is a
+ * target. The place of the target in its section is irregular, because with regular steps the
+ * targets could be pairs of only a few lights. After the targets come all other pairs of the
+ * candidates that are not measured. */
 static void choice_set_pairs(struct choice *choice, const struct prediction_shot *shots,
                              const int *candidates, int n_candidates) {
     const Prediction *prediction = choice->prediction;
@@ -116,7 +120,7 @@ static void choice_condition(struct choice *choice) {
     choice->to_all = sum > 0 ? all / sum : 1;
 }
 
-/* Returns C of the pairs at places a and b. prior is their covariance k. */
+/* Returns C of the pairs with the indices a and b in choice.pairs. prior is their covariance k. */
 static double choice_covariance(const struct choice *choice, int a, int b, double prior) {
     return prior - cblas_ddot(choice->n_factors, choice->factors + (gsize)a * (gsize)choice->room,
                               1, choice->factors + (gsize)b * (gsize)choice->room, 1);
@@ -233,8 +237,8 @@ static void choice_first_gain(int k, gpointer data) {
     job->gains[k] = choice_gain(job->choice, &job->shots[job->candidates[k]]);
 }
 
-/* Returns the candidate of the largest gain, or the first of several such candidates. Returns −1 if
- * no candidate has a gain above 0. gains are updated where necessary. */
+/* Returns the candidate with the largest gain, or the first of several such candidates. Returns −1
+ * if no candidate has a gain above 0. gains are updated where necessary. */
 static int choice_best(const struct choice *choice, const struct prediction_shot *shots,
                        const int *candidates, int n, double *gains) {
     int fresh = -1;
@@ -292,7 +296,7 @@ int prediction_choose(const Prediction *prediction, const struct prediction_shot
     struct choice choice = {.prediction = prediction,
                             .room = prediction->n_measured + MIN(most, n) * per_shot};
     choice_set_pairs(&choice, shots, candidates, n);
-    /* Sums of several threads of OpenBLAS depend on the number of threads. */
+    /* With several threads, the sums of OpenBLAS would depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     const int chosen = choice_run(&choice, shots, candidates, n, MIN(most, n), ret, work, error);

@@ -6,10 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The constants are fitted to rows that are evenly spread, and to pairs of neighbouring views, so
- * that the pairs are as dense as all pairs. There are FIT_SWEEPS sweeps over all constants. A sweep
- * multiplies or divides each constant by a factor if that reduces the error. The factor is FIT_STEP
- * in the first sweep, and the square root of the previous factor in each following sweep. */
+/* Limits of the fit of the constants. The fit uses FIT_ROWS rows, evenly spread, and FIT_PAIRS
+ * pairs of neighbouring views, so that the pairs are as dense as all pairs.
+ *
+ * There are FIT_SWEEPS sweeps over all constants. A sweep multiplies or divides each constant by a
+ * factor if that reduces the error. The factor is FIT_STEP in the first sweep, and the square root
+ * of the previous factor in each following sweep. */
 #define FIT_ROWS   64
 #define FIT_PAIRS  500
 #define FIT_SWEEPS 3
@@ -27,9 +29,10 @@ static double distance(struct vec3 a, struct vec3 b) {
 /* The factors of k (prediction.h) that depend only on two views or on two lights, for all pairs of
  * views and of lights. The terms of k are products of these factors. */
 struct prediction_tables {
-    double *view2, *view3, *view4; /* n_views²: c₂ exp(−d_v / a₂), c₃ exp(−d_v / a₃) and
-                                      c₄ exp(−d_v / b₄) */
-    double *light1, *light2, *light3; /* n_lights²: 1 + c₁ l·l', exp(−d_l / b₂), exp(−d_l / b₃) */
+    /* n_views² each, in this order: c₂ exp(−d_v / a₂), c₃ exp(−d_v / a₃), c₄ exp(−d_v / b₄) */
+    double *view2, *view3, *view4;
+    /* n_lights² each, in this order: 1 + c₁ l·l', exp(−d_l / b₂), exp(−d_l / b₃) */
+    double *light1, *light2, *light3;
 };
 
 static double *decay(const struct vec3 *at, int n, double length, double factor) {
@@ -64,7 +67,7 @@ static void tables_clear(struct prediction_tables *tables) {
     g_free(tables->light3);
 }
 
-/* Returns the half vector, or the normal if view and light are opposite. */
+/* Returns the half vector of a view and a light, or the normal if they are opposite. */
 static struct vec3 prediction_half(const Prediction *prediction, int pair) {
     const struct vec3 sum = vec3_add(prediction->views[pair / prediction->n_lights],
                                      prediction->lights[pair % prediction->n_lights]);
@@ -167,8 +170,8 @@ double prediction_prior_variance(const Prediction *prediction, int pair) {
            c[PREDICTION_NUGGET];
 }
 
-/* Returns the number of pairs from i on that belong to one group, at most MAX_GROUP. order has
- * indices into pairs, sorted by group. */
+/* Returns the number of pairs from index i of order on that belong to one group, at most MAX_GROUP.
+ * order has indices into pairs, sorted by group. */
 static int same_group(const Prediction *prediction, const int *pairs, int m, const int *order,
                       int i) {
     int n = 1;

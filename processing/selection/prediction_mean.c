@@ -13,8 +13,8 @@
 #define TOLERANCE 1e-6
 #define FACTOR    100 /* bound of the first step, as in lmdif1() */
 
-/* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
- * 1), p, q, m_x, m_y. */
+/* The parameters x of g: ln d_R, ln d_G, ln d_B, e_v, e_l, then for each lobe ln s, ln A₁₁, A₁₂, ln
+ * A₂₂, ln (γ − 1), p, q, m_x, m_y. */
 enum { DIFFUSE = 5, LOBE = 9 };
 
 static double prediction_mean_lobe(const double *x, double hx, double hy, double cos_v,
@@ -135,8 +135,8 @@ static void gather(const Prediction *prediction, const float *probes, const stru
     }
 }
 
-/* Sets the initial parameters: the median as the diffuser, and two lobes of slopes about 1 / width,
- * one narrower in x and one narrower in y. */
+/* Sets the initial parameters. The diffuser has the median of the values. One lobe is narrower in x
+ * and the other narrower in y, with slopes of about 1 / width. */
 static void begin(const struct prediction_mean_fit *fit, double width, double *x) {
     g_autofree double *values = g_new(double, fit->n);
     memset(x, 0, sizeof(double) * PREDICTION_MEAN);

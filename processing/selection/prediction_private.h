@@ -5,7 +5,7 @@
 #include "base/robust.h"
 #include "prediction.h"
 
-/* Constants of the covariance (prediction.h): c₁; c₂ a₂ b₂; c₃ a₃ b₃; c₄ a₄ b₄; ε. */
+/* Constants of the covariance: the c_i, a_i, b_i and ε of prediction.h, ε being the nugget. */
 enum {
     PREDICTION_C1,
     PREDICTION_C2,
@@ -30,10 +30,11 @@ struct prediction {
     struct vec3 *views_mm, *lights_mm; /* NULL if cameras and lamps are far away */
     int *groups;                       /* n_pairs */
     double mean[PREDICTION_MEAN];      /* parameters of g (prediction_mean.c) */
-    /* maximum of the lobes of g at measured pairs, which also limits them between these pairs */
+    /* maximum of the lobes of g at measured pairs; the lobes are limited to this value
+     * everywhere */
     double max_gloss;
-    double constants[PREDICTION_CONSTANTS]; /* the constants of the covariance, in the order of the
-                                               enum above */
+    /* constants of the covariance, in the order of the enum above */
+    double constants[PREDICTION_CONSTANTS];
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
     /* The next three are NULL if nothing is measured. */
@@ -41,9 +42,10 @@ struct prediction {
     float *weights;   /* n_missing × n_measured */
     double *variance; /* n_missing: k_uu − k_uᵀ K⁻¹ k_u, without s² */
     double *squares;  /* n_pairs: mean of g² s² over the rows of probes */
-    double energy;    /* Σ ρ² over all pairs, mean over the rows of probes */
+    double energy;    /* mean over the rows of probes of Σ ρ², the sum over all pairs */
     /* Factors on variances, from cross-validation. excess_rms is the sum of the squared errors
-     * divided by the sum of the variances. With excess_95, 95 % of the errors are within 2 σ. */
+     * divided by the sum of the variances. If variances are multiplied by excess_95, 95 % of the
+     * errors are within 2 σ. */
     double excess_rms;
     double excess_95;
     /* See prediction_left_out_error() and prediction_left_out_share(). NaN if nothing is
@@ -60,7 +62,8 @@ Prediction *prediction_begin(const struct prediction_pairs *pairs, const float *
 struct prediction_rows {
     int n;
     double *z, *g; /* n × n_measured: ratios ρ / g, and g */
-    int *probes;   /* n: which row of the probes it is, 3 × probe + colour */
+    /* for each of the n rows, its number among the rows of the probes: 3 × probe + colour */
+    int *probes;
 };
 
 /* Takes the rows from probes as in prediction_new(). Fails with DATA_ERROR_INVALID if no row has
