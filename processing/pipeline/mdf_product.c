@@ -1,5 +1,5 @@
-/* Makes products/mdf.exr from sweep files. The views are first made independently, then D and P of
- * all views are set together. */
+/* Makes products/mdf.exr from sweep files. The views are first made independently of each other.
+ * Then D and P of all views are set together. */
 #include "mdf_product.h"
 
 #include <gio/gio.h>
@@ -37,7 +37,7 @@ static struct mdf_result *new_result(const struct session_direction *view, const
     return result;
 }
 
-/* Compares the sweep in the file with the sweep of the plan. If the two differed, depths would be
+/* Fails if the sweep in the file is not the sweep of the plan, because depths would then be
  * wrong. */
 static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
                             GError **error) {
@@ -64,8 +64,8 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
 
 #define AGAIN "; delete %s, and `mesorig resume` captures the sweep again"
 
-/* Finds lines as in the paper. Reads the frames that the session has kept in the folder of the
- * sweep's file. */
+/* Finds lines in each frame, as the paper does (Wang et al. 2005). Reads the frames that the
+ * session has kept in the folder of the sweep's file. */
 static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_input *input,
                                  const struct laser_sweep *sweep, const struct exr_part *size,
                                  struct laser_lines *ret, GError **error) {
@@ -174,8 +174,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     return result;
 }
 
-/* Does nothing if D and P of all views were already set from these views, according to the hash.
- * Otherwise sets D and P of all views. */
+/* Does nothing if D and P of all views were already set from the same views, according to the hash
+ * in agreed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);

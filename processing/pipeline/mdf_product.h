@@ -10,8 +10,8 @@ struct mdf_result {
     int index;    /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     double centre_mm[3]; /* position of the camera in the sample frame */
-    /* hash of all views from which D and P were set; empty if D and P are those of the view
-       alone */
+    /* hash of all views from which D and P were set; empty if D and P were set from this view
+     * alone */
     char *agreed;
     float *planes[6]; /* D, M, N, O, P, S of each texel: pipeline.h */
     struct mdf_lines lines;
@@ -20,10 +20,9 @@ struct mdf_result {
 
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 
-/* Makes the MDF of a view. D and P are those of this view alone (mdf_settle() completes them).
- * Returns NULL with an error if the file of a sweep cannot be read, or if its sweep is not that of
- * the plan. Fails also if a frame was not kept that lines_in_pictures needs, or if cancelled. Any
- * thread. */
+/* Makes the MDF of a view. D and P are set from this view alone; mdf_settle() completes them.
+ * Returns NULL with an error if the file of a sweep cannot be read, if its sweep is not that of the
+ * plan, if lines_in_pictures needs a frame that was not kept, or if cancelled. Any thread. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 
@@ -40,13 +39,13 @@ gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error);
 
 /* Reads the catalogue's views from the file to ret_results, which has one element for each of these
- * views. Reads none if the file is missing or damaged. Returns whether the file should be written
- * again: TRUE if it is damaged or has other parts than the views that were read, FALSE if it is
- * missing. */
+ * views. Reads none if the file is missing or damaged. Returns TRUE if the file should be written
+ * again: it is damaged, or it has other parts than the views that were read. Returns FALSE
+ * otherwise, also if the file is missing. */
 gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results);
 
 /* Returns the share of the texels of all existing views whose D was measured by the view itself (M
- * or O); 0 if there are no views. ret_predicted is the share that was predicted from other
- * views. */
+ * or O). ret_predicted receives the share that was predicted from other views. Both are 0 if there
+ * are no views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted);

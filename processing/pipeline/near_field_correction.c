@@ -1,6 +1,9 @@
-/* Resamples in three passes. All views are written to a scratch file [view][texel][light][lane].
- * Blocks of texels are gathered from it, resampled and written to a second file. The views of the
- * second file are the result. Memory therefore only holds some views and blocks. */
+/* The BTF is resampled in three passes:
+ * - All views are written to a scratch file [view][texel][light][lane]. The lanes are R, G, B and
+ *   the flags.
+ * - Blocks of texels are gathered from this file, resampled and written to a second file.
+ * - The views of the second file are written as the result.
+ * Therefore only some views and blocks are in memory at a time. */
 #include "near_field_correction.h"
 
 #include <gio/gio.h>
@@ -24,19 +27,19 @@ struct job {
     const struct near_field *near;
     const struct btf_directions *to;
     struct resampler resampler;
-    struct btf_scratch *measured, *made; /* of the source and of the result: n_views × texels ×
-                                            lights × lanes */
+    /* scratch files of the source and of the result: n_views × texels × lights × lanes */
+    struct btf_scratch *measured, *made;
     int n_texels;
     struct resampler_sums **sums; /* sums of each block */
     struct resampler_sums *all;
     GMutex mutex;
     GError *error;             /* error of the first block that failed */
-    GCancellable *cancellable; /* cancelled on the first error, or through the user's cancellable */
+    GCancellable *cancellable; /* cancelled by the user's cancellable, and on the first error */
     const char *source;        /* the session's path */
     const struct near_field_correction_result *result;
-    float *rgb;     /* of the view being written: n_lights × texels × 3 */
+    float *rgb;     /* n_lights × texels × 3: values of the view being written */
     guint8 *marks;  /* n_lights × texels: flags of the view being written (enum btf_flag) */
-    gboolean *some; /* n_lights: whether any texel of the view being written has a flag */
+    gboolean *some; /* for each light, whether any texel of the view being written has a flag */
 };
 
 void near_field_correction_result_clear(struct near_field_correction_result *result) {
@@ -93,9 +96,9 @@ static gboolean read_views(struct job *job, struct near_field_correction_result 
     return ok;
 }
 
-/* Reads n texels of all views: [view][texel][light] in the scratch file becomes
- * [texel][view][light] in memory. write_block() does the reverse. rows has room for n texels of a
- * view. */
+/* Reads n texels of all views. The order [view][texel][light] of the scratch file becomes
+ * [texel][view][light] in memory. write_block() does the reverse. rows is a buffer for n texels of
+ * one view. */
 static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
                            GError **error) {
     const gsize row = job->near->lights.n * LANES;
@@ -163,7 +166,7 @@ static gboolean resample_texels(struct job *job, GError **error) {
     gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
     if (users)
         g_cancellable_disconnect(users, id);
-    if (job->error) { /* report the error, not the cancellation that it caused */
+    if (job->error) { /* the first error is reported, not the cancellation that it caused */
         g_clear_error(error);
         g_propagate_error(error, g_steal_pointer(&job->error));
         ok = FALSE;
@@ -197,7 +200,7 @@ static void set_to(struct near_field_correction_band *band, const struct resampl
     band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }
 
-/* Returns the distinct elevations. Elevations within BAND count as one. */
+/* Returns the distinct elevations. Elevations that differ by less than BAND count as one. */
 static GArray *elevations(const float *theta_deg, int n) {
     GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);

@@ -38,24 +38,27 @@ struct near_field_correction_band {
     int n_views;
     double left_out_view, left_out_light,
         back; /* relative errors, explained above; only for measured views */
-    /* target views: mean and maximum over texels of the angle to the nearest measured view */
+    /* for views of the result: mean and maximum over texels of the angle to the nearest measured
+     * view */
     double moved_deg, max_moved_deg;
-    double nominal; /* relative error, explained above; −1 if the targets are not the nominal
-                       directions */
-    /* share of values beyond the limit of extrapolation, which are kept at that limit */
+    /* relative error, explained above; −1 if the result does not have the nominal directions */
+    double nominal;
+    /* share of values in directions beyond the limit of extrapolation; their directions were moved
+     * to that limit */
     double held;
 };
 
 struct near_field_correction_result {
     struct import_result made;
-    gboolean exact;                  /* FALSE if all texels had the nominal directions */
-    gboolean mdf;                    /* whether there was an MDF, which was copied */
-    int n_views, n_lights;           /* numbers of views and lights of the source */
-    int sampled;                     /* number of texels of the leave-one-out test */
-    gint64 holes, bounds, predicted; /* numbers of texels of the source, summed over its pictures
-                                        (btf_matrix.h) */
-    /* of struct near_field_correction_band; `from` is for the measured views, `to` for the target
-     * views */
+    gboolean exact;        /* FALSE if all texels had the nominal directions */
+    gboolean mdf;          /* whether there was an MDF, which was copied */
+    int n_views, n_lights; /* numbers of views and lights of the source */
+    int sampled;           /* number of texels of the leave-one-out test */
+    /* numbers of texels of the source, summed over its pictures (btf_matrix.h) */
+    gint64 holes, bounds, predicted;
+    /* Arrays of struct near_field_correction_band.
+     * from: for the views of the source
+     * to: for the views of the result */
     GArray *from, *to;
     struct near_field_correction_band all; /* for all views; theta_deg is −1 */
     /* mean and maximum, over lights and texels, of the angle to the nearest measured light */
@@ -64,11 +67,14 @@ struct near_field_correction_result {
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
 /* Resamples the BTF of a session to the directions `to`, and writes the result as a new session to
- * path. `to` is NULL for the session's own nominal directions. The error is DATA_ERROR_EXISTS if
- * path exists, and DATA_ERROR_INCOMPLETE if there is no BTF or if it gets further views meanwhile.
- * Fails also if the disk has no space for the scratch files. The function needs the memory of some
- * views, and temporarily 8 bytes on disk for each texel under each pair of view and light, of
- * source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
+ * path. `to` is NULL for the session's own nominal directions. Progress stages are "read",
+ * "resample", "import" and "eigenmaps".
+ *
+ * The error is DATA_ERROR_EXISTS if path exists, and DATA_ERROR_INCOMPLETE if there is no BTF or if
+ * it gets further views meanwhile. Fails also if the disk has no space for the scratch files.
+ *
+ * The function needs the memory of some views. It temporarily needs 8 bytes on disk for each texel
+ * under each pair of view and light, of the source and of the result. */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

@@ -57,7 +57,7 @@ struct run {
     gboolean mdf_dirty;       /* whether the file of the MDF must be written */
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
-    int settled; /* number of views in the MDF whose D and P are set */
+    int settled; /* number of views of the MDF whose D and P are set from all views */
     gboolean eigenmaps_made;
     Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
@@ -136,8 +136,8 @@ static gboolean is_made(struct run *run, const struct task *task) {
     return TRUE;
 }
 
-/* Returns the task of a view that is ready and not made, or NULL. Compares the hash of the view's
- * inputs with the product's. */
+/* Returns the task of a view, or NULL if the view is not ready or its product is made. To know
+ * this, compares the hash of the view's inputs with that of the product. */
 static struct task *next_task(struct run *run, enum stage stage, int view) {
     if (run->made[stage][view])
         return NULL;
@@ -158,8 +158,8 @@ static struct task *next_task(struct run *run, enum stage stage, int view) {
     return NULL;
 }
 
-/* Keeps the error of the first stage and view if there are several, and frees the others. Cancels
- * all tasks that still run. The errors of cancelled tasks are ignored. */
+/* Cancels all tasks that still run. If several tasks fail, keeps the error of the first stage and
+ * view, and frees the others. The errors of cancelled tasks are ignored. */
 static void note_error(struct run *run, const struct task *task, GError *found, int *worst,
                        GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -179,8 +179,8 @@ static enum catalogue_state pipeline_state(const struct run *run, enum stage sta
                               : catalogue_mdf(run->catalogue, view, NULL);
 }
 
-/* Counts the views that a stage can make. These are all views, except those whose frames the plan
- * leaves out and, after the capture has ended, those whose frames are missing. */
+/* Counts the views that a stage can make. Views whose frames the plan leaves out are not counted.
+ * After the capture has ended, views whose frames are missing are not counted either. */
 static int count_possible(const struct run *run, enum stage stage, gboolean ended) {
     int n = 0;
     for (int view = 0; view < run->n_views; view++) {
@@ -210,8 +210,8 @@ static struct time_left_task pipeline_cost(const struct run *run, enum stage sta
                                    .units = (double)camera->width * camera->height * frames / 1e6};
 }
 
-/* Lists all views that are ready, with their costs. Views whose frames are not taken yet also count
- * in the time left. The tasks are added to the end of ready. */
+/* Appends the tasks of all views that are ready to `ready`, with their costs. Views whose frames
+ * are not taken yet are also included in the time left. */
 static void list_views(struct run *run, const int *possible, gboolean ended, GQueue *ready) {
     g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
     const double n[N_STAGES] = {possible[STAGE_BTF], possible[STAGE_MDF]};
@@ -243,8 +243,8 @@ static void list_views(struct run *run, const int *possible, gboolean ended, GQu
         course_expect(run->course, TIME_LEFT_CAUSES, n[STAGE_BTF]);
 }
 
-/* Reports one stage after the other, for people. told contains the number of views of each stage at
- * its last report. */
+/* Reports one stage after the other, because this is easier to read than both at a time. told has
+ * the number of views of each stage at its last report. */
 static void tell_stages(struct run *run, const int *possible, int *told) {
     const double left_s = course_left_s(run->course);
     for (int stage = 0; stage < N_STAGES; stage++) {
@@ -258,8 +258,8 @@ static void tell_stages(struct run *run, const int *possible, int *told) {
     }
 }
 
-/* Makes all views that are ready, alternately of BTF and MDF, so that the first ones show how long
- * both will take. ended means that no further frames will come. */
+/* Makes all views that are ready. Tasks of BTF and MDF alternate, so that the first ones show how
+ * long both stages will take. ended means that no further frames will come. */
 static gboolean run_stages(struct run *run, gboolean ended, GError **error) {
     GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, threads(run), FALSE, error);
     if (!pool)
@@ -273,8 +273,8 @@ static gboolean run_stages(struct run *run, gboolean ended, GError **error) {
     GError *first = NULL;
     GQueue ready = G_QUEUE_INIT;
     list_views(run, possible, ended, &ready);
-    /* With one thread, a view is only begun when the row of the previous view is written, so that
-     * files and rows are always written in the same order. */
+    /* With one thread, a view is begun only after the row of the previous view was written. Files
+     * and rows are then always written in the same order. */
     const guint most = threads(run) == 1 ? 1 : ready.length;
     guint under_way = 0;
     while (under_way + ready.length > 0) {
@@ -332,8 +332,8 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
-/* Makes ready views until no more frames will come. Checks whether the capture has ended before it
- * looks up frames, so that none is missed. */
+/* Makes ready views until no more frames will come. In each round, the state of the capture is read
+ * before the frames are looked up. If it were read afterwards, the last frames could be missed. */
 static gboolean make_views(struct run *run, GError **error) {
     for (;;) {
         g_autofree char *state = session_value(run->session, "state");
@@ -368,8 +368,9 @@ struct columns {
     int n_views;
     int *lights; /* index of each light of the session */
     int n_lights;
-    /* Numbers of calls of get_column(). asked: so far; to_ask: in total (an estimate if there are
-     * several passes). */
+    /* Numbers of calls of get_column().
+     * asked: calls so far
+     * to_ask: calls in total; an estimate if there are several passes */
     int asked, to_ask;
 };
 
@@ -420,7 +421,7 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
     columns->run->eigenmaps_made = TRUE;
     g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
     const int lock =
-        /* compress -o may write the same file at the same time */
+        /* "mesorig compress -o" may write the same file at the same time */
         file_lock_take(lock_path, path, error);
     if (lock < 0)
         return FALSE;
@@ -503,7 +504,8 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         return FALSE;
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
-    malloc_trim(0); /* otherwise memory freed by the threads would stay in their arenas */
+    /* without this call, memory that the threads freed would stay in their arenas */
+    malloc_trim(0);
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
     struct columns columns = {.run = run, .views = views, .lights = lights, .n_lights = n_lights};
     for (int view = 0; view < run->n_views; view++)
@@ -570,7 +572,8 @@ static gboolean make_folders(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Finds the products of an earlier run that are unchanged (whole). Only these are used. */
+/* Finds the products of an earlier run that are unchanged (run->whole). Other products of that run
+ * are not used. */
 static gboolean find_whole(struct run *run, GError **error) {
     struct work work = run->options->work;
     work.cancellable = run->cancellable;
@@ -601,7 +604,8 @@ static gboolean begin(struct run *run, GError **error) {
     run->btf_inputs = g_new0(char *, run->n_views + 1);
     run->missing = g_new0(int, run->n_views);
     run->mdf = g_new0(struct mdf_result *, run->n_views);
-    /* Without --follow, missing frames are an error unless the plan leaves them out. */
+    /* Without --follow, missing frames are an error. Only those that the plan leaves out may be
+     * missing. */
     const int waiting = run->options->follow ? 0 : count_waiting(run);
     if (waiting > 0) {
         g_set_error(
@@ -681,8 +685,9 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     gboolean ok = begin(&run, &found) && make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && finish(&run, ret, &found) &&
                   find_causes(&run, ret, &found);
-    /* A damaged frame may have been refused. Records all damaged frames, so that one resume takes
-     * all of them again. Errors here are less important than the first one. */
+    /* A damaged frame may have been the cause of an error. All damaged frames are recorded, so that
+     * one resume takes all of them again. The first error is reported, not those that occur
+     * here. */
     g_autoptr(GPtrArray) damages =
         g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
             ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)

@@ -53,9 +53,9 @@ struct pipeline_options {
     gboolean follow; /* wait for missing inputs until the capture has ended */
     int n_eigenmaps; /* number of eigen-maps; 4 in Wang et al. 2005 §5 */
     /* calibration_to_text() of another calibration of the same rig, or NULL for the session's own.
-     * For a lamp that this calibration does not know, the output that was measured during the
-     * capture on the turntable's fiducials is not used. calibration_path is its origin, or
-     * "nominal"; it is recorded with the products (session/made_with.h). */
+     * If this calibration does not know a lamp, the output that was measured on the turntable's
+     * fiducials during the capture is not used for the lamp. calibration_path is the origin of the
+     * calibration, or "nominal"; it is recorded with the products (session/made_with.h). */
     const char *calibration, *calibration_path;
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
@@ -81,8 +81,8 @@ struct pipeline_result {
     int n_mdf_views;
     /* number of products that were damaged or missing, and are made again */
     int n_damaged;
-    /* relative RMS error ‖A − Â‖_F / ‖A‖_F of the BTF Â that the eigen-maps in the file give, A
-     * being the BTF */
+    /* relative RMS error ‖A − Â‖_F / ‖A‖_F, where A is the BTF, and Â the BTF that the eigen-maps
+     * in the file give */
     double eigenmaps_error;
     /* share of the texels of all views that were measured in their own view */
     double mdf_coverage;
@@ -99,19 +99,25 @@ struct pipeline_result {
     double line_width, line_scatter; /* see mdf_lines.h; 0 if unknown */
 };
 
-/* Makes the products of a session, in the calling thread and a pool of threads. Products that are
- * up to date are not made again: every part names in mesorig.inputs (string) the inputs from which
- * it was computed, and its file must match the session's checksum. Only one process at a time makes
- * the products of a session (G_IO_ERROR_BUSY). The bytes of the products depend only on the frames,
- * not on threads or order.
+/* Makes the products of a session, in the calling thread and a pool of threads. The bytes of the
+ * products depend only on the frames, not on threads or order. Only one process at a time makes the
+ * products of a session; the error is otherwise G_IO_ERROR_BUSY.
  *
- * Views of the BTF and of the MDF are made alternately. The first progress stage is "verify", which
- * compares existing products with their checksums. Then the stage is "btf" until all views of the
- * BTF are made, then "mdf", then "eigenmaps"; the time left that these report is for all of them
- * together. If pictures were left out and are predicted again, "read" and "prediction" come before
- * "eigenmaps" (prediction_product.h). With follow, the function ends when the session's value
- * "state" is "done" or "aborted", or when all products are made. The function sets the session's
- * values of prediction_product.h, "eigenmaps_error", "mdf_coverage", "processing_s" and
- * "processing_peak_memory_mib". */
+ * Products that are up to date are not made again. Every part has the hash of the inputs from which
+ * it was computed in mesorig.inputs (string). A product is up to date if this hash is that of the
+ * present inputs, and if its file has the checksum that is stored in the session.
+ *
+ * Views of the BTF and of the MDF are made alternately. The progress stages are
+ * - "verify", which compares existing products with their checksums,
+ * - "btf" until all views of the BTF are made,
+ * - "mdf",
+ * - "read" and "prediction", if pictures were left out and are predicted again
+ *   (prediction_product.h),
+ * - "eigenmaps".
+ * The time left of the stages after "verify" is that for all of them together.
+ *
+ * With follow, the function ends when the session's value "state" is "done" or "aborted", or when
+ * all products are made. The function sets the session's values of prediction_product.h,
+ * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

@@ -15,7 +15,9 @@
 
 struct product_view {
     char *relative, *path, *inputs;
-    int *slots; /* n_lights: index of the light among those left out, or −1 */
+    /* n_lights: for each light, its index among the lights left out in this view; −1 if not left
+     * out */
+    int *slots;
     int n_left_out;
     guint16 *values, *sigma; /* n_left_out × n_texels × 3, half floats */
 };
@@ -65,9 +67,9 @@ static struct vec3 product_unit(const struct exr_part *part, const char *of) {
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-/* Reads the directions and positions of a part, and whether it was left out. The position of a
- * light in the sample frame is nearly the same for all views: only a tilt or an offset of the arc's
- * axis moves it. The position in the last view is used for all views. */
+/* Reads the directions and positions of a part, and whether it was left out. One position of each
+ * light is used for all views: that in the last view. This is precise enough, because only a tilt
+ * or an offset of the arc's axis moves the light in the sample frame. */
 static gboolean product_take_part(struct product_job *job, int view, int light,
                                   const struct exr_part *part, GError **error) {
     struct product_view *to = &job->views[view];
@@ -148,7 +150,7 @@ static gboolean product_open(struct product_job *job, Session *session,
     return TRUE;
 }
 
-/* Returns whether the part of each left-out picture was predicted from these inputs (attribute
+/* Returns whether the parts of all left-out pictures were predicted from these inputs (attribute
  * mesorig.prediction). */
 static gboolean product_is_fresh(const struct product_job *job, const char *inputs) {
     for (int v = 0; v < job->n_views; v++) {
@@ -176,8 +178,8 @@ static struct vec3 product_place(const struct product_job *job, gsize texel) {
                 grid->reference_mm);
 }
 
-/* Gathers the measured values of n texels from first on, colour by colour: n × 3 × n_pairs values,
- * with NaN for left-out pictures. */
+/* Gathers the measured values of n texels, beginning with the texel first. The order is by texel,
+ * colour and pair: n × 3 × n_pairs values. Left-out pictures have NaN. */
 static gboolean product_gather(const struct product_job *job, int first, int n, float *ret,
                                GError **error) {
     const gsize lights = (gsize)job->n_lights, pairs = (gsize)job->n_views * lights;
@@ -244,7 +246,7 @@ static void product_predict(int block, gpointer data) {
             }
 }
 
-/* Returns a part with the predicted values and error bars. It takes over the attributes of the old
+/* Returns a part with the predicted values and error bars, and with the other attributes of the old
  * part. */
 static struct exr_part *product_part(const struct product_job *job, struct exr_part *old,
                                      const guint16 *values, const guint16 *sigma,

@@ -15,9 +15,11 @@
 #define PREDICTION_METHOD 1
 
 struct prediction_product {
-    int n_left_out, n_pictures; /* number of left-out pictures among the n_pictures of the BTF */
-    char *inputs;               /* hash; NULL if nothing was left out */
-    gboolean made;              /* FALSE if the files were up to date or nothing was left out */
+    /* number of left-out pictures, and number n_pictures of all pictures of the BTF */
+    int n_left_out, n_pictures;
+    char *inputs; /* hash; NULL if nothing was left out */
+    /* FALSE if the files were up to date, or if no picture was left out */
+    gboolean made;
 };
 void prediction_product_clear(struct prediction_product *product);
 
@@ -32,14 +34,17 @@ struct prediction_known {
 };
 void prediction_product_read(Session *session, struct prediction_known *ret);
 
-/* Predicts the left-out pictures. views has the indices of views whose files exist. Sets the
- * session's values "prediction_error" (expected, relative: prediction_error()),
+/* Predicts the left-out pictures. views has the indices of views whose files exist. Does nothing if
+ * no picture was left out, or if all predictions are up to date. Fails if a file lacks lights or
+ * positions, or if products/btf has other views. The progress stages are "read", then "prediction"
+ * for fitting, then "prediction" for predicting.
+ *
+ * Sets the session's values "prediction_error" (expected, relative: prediction_error()),
  * "prediction_left_out_error", "prediction_left_out_share" and "prediction_pictures" (“2700 of
- * 3600”). The texels' values are kept in a scratch file if they take more than
- * PREDICTION_PRODUCT_MEMORY bytes. Predicted values are kept in memory, 12 bytes per texel and
- * picture. Does nothing if no picture was left out, or if all predictions are up to date. Fails if
- * a file lacks lights or positions, or if products/btf has other views. The progress stages are
- * "read", and "prediction" twice: for fitting, then for predicting. */
+ * 3600”).
+ *
+ * The texels' values are kept in a scratch file if they take more than PREDICTION_PRODUCT_MEMORY
+ * bytes. Predicted values are kept in memory, 12 bytes per texel and picture. */
 #define PREDICTION_PRODUCT_MEMORY ((gint64)1 << 30)
 gboolean prediction_product_make(Session *session, const struct catalogue *catalogue,
                                  const int *views, int n_views, const struct work *work,

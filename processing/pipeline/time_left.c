@@ -3,16 +3,18 @@
 #include <gio/gio.h>
 #include <math.h>
 
-/* the weight of a made view in an estimate is exp(−(Δ / NEAR_DEG)²), Δ being the difference of the
- * elevations */
-#define NEAR_DEG    10.0
-#define FAR_WEIGHT  0.02 /* minimum of this weight */
-#define OVERDUE     1.25 /* factor from the time that an overdue task has run to its expected time */
-#define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
+/* In an estimate for a view, the weight of a view that is made is exp(−(Δ / NEAR_DEG)²), where Δ is
+ * the difference of the elevations in degrees, but at least FAR_WEIGHT. */
+#define NEAR_DEG   10.0
+#define FAR_WEIGHT 0.02 /* minimum of this weight */
+/* a task that is overdue is expected to take this factor of the time that it has run */
+#define OVERDUE     1.25
+#define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates count fully */
 #define RATE_WEIGHT 0.2  /* weight of the stored rate; a made view of the same elevation has 1 */
-/* If a task has run for longer than estimated, this share of the estimate is assumed to be left. */
+/* If a task has run for longer than estimated, this share of the estimate is still assumed to be
+ * left. */
 #define MIN_LEFT   0.05
-#define SCATTER    1.5 /* maximum factor between rates of runs of the same session */
+#define SCATTER    1.5 /* maximum factor between the rates of two runs of the same session */
 #define MIN_SPEED  0.01
 #define SHORTEST_S 3.0
 #define DEGREES    91
@@ -30,9 +32,9 @@ static char *rates_path(void) {
 }
 
 gboolean time_left_rates_load(struct time_left_rates *ret) {
-    /* Rates of one core of an AMD EPYC with other work on its neighbours, for the demo's session,
-     * as printed by the first run of tests/bench/time_left --cpu. Only their ratios matter, because
-     * the first views of a run show how much faster or slower its processor is. */
+    /* Rates of one core of an AMD EPYC whose neighbouring cores had other work, for the demo's
+     * session. They were printed by the first run of tests/bench/time_left --cpu. Only their ratios
+     * matter, because the first views of a run show how much faster or slower its processor is. */
     *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.09,
                                                [TIME_LEFT_MDF] = 0.174,
                                                [TIME_LEFT_SETTLE] = 0.018,
@@ -110,8 +112,9 @@ static void spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
         }
 }
 
-/* Estimates costs from the tasks that are made, then also from tasks that have already run longer
- * than this estimate. Each of these is expected to take a quarter longer than it has run so far. */
+/* Estimates the costs from the tasks that are made. Then adds those running tasks that have already
+ * run longer than this estimate, and estimates again. Each of these tasks is expected to take a
+ * quarter longer than it has run so far. */
 static void time_left_costs(const struct time_left_task *tasks, int n,
                             const struct time_left_rates *rates, struct unit_costs *ret) {
     struct unit_sums of[TIME_LEFT_STAGES][DEGREES] = {0};
@@ -170,7 +173,7 @@ double time_left_speed_of(const struct time_left_speed *speed, int n) {
 }
 
 int time_left_view(int k, int n) {
-    /* near the golden section, so that the k-th view lies in a gap */
+    /* a step near the golden section places the k-th view into a gap between the earlier views */
     int step = MAX((int)(n * 0.618), 1);
     for (;; step++) {
         int a = step, b = n;
