@@ -43,8 +43,8 @@ struct near_field_correction_band {
     double moved_deg, max_moved_deg;
     /* relative error, explained above; −1 if the result does not have the nominal directions */
     double nominal;
-    /* share of values in directions beyond the limit of extrapolation; their directions were moved
-     * to that limit */
+    /* share of values beyond the limit of extrapolation, whose weights are limited
+     * (direction_mesh.h) */
     double held;
 };
 

@@ -77,10 +77,10 @@ void prediction_rows_clear(struct prediction_rows *rows);
 void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
                            struct vec3 *ret_view, struct vec3 *ret_light);
 
-/* Computes g of all pairs at a position: n_pairs × 3. */
+/* Computes g of all pairs at a position on the sample: n_pairs × 3. */
 void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret);
 
-/* Compute the two parts of g: the part of a diffuser, and the sum of the lobes. */
+/* Return the two parts of g: that of a diffuser, and the sum of the lobes. */
 void prediction_mean_diffuse(const double *parameters, double cos_v, double cos_l, double ret[3]);
 double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec3 l);
 /* minimum of ρ and of g; darker values count as this value */
@@ -88,28 +88,30 @@ double prediction_mean_gloss(const double *parameters, struct vec3 v, struct vec
 /* Evaluates g of R, G, B, with the sum of its lobes limited to max_gloss. */
 void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);
-/* Fits the parameters of g and max_gloss to probes as in prediction_new(). `like` contains
- * parameters from which the fit starts. If `like` is NULL or has no lobes, the fit starts from
- * several widths of lobes. `most` is the maximum number of evaluations of the residuals for each
- * start. If there are too few values for a fit, g becomes the diffuser cos θ_l without lobes. */
+/* Fits the parameters of g and max_gloss to probes as in prediction_new(). `like` has parameters
+ * from which the fit starts. If `like` is NULL or has no lobes, the fit is started several times,
+ * with different widths of lobes. `most` is the maximum number of evaluations of the residuals for
+ * each start. If there are too few values for a fit, g becomes the diffuser cos θ_l without
+ * lobes. */
 #define PREDICTION_MEAN_EVALUATIONS (200 * (PREDICTION_MEAN + 1))
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes, const double *like, int most);
 
-/* Shots are chosen by the variances of this covariance, so that the variances of the remaining
- * shots are too small. On the eight materials of docs/lab/fast.md, with a quarter of the shots, the
- * errors were 1.1 … 1.6 times as large as predicted. */
+/* Factor on expected errors. It is needed because shots are chosen by the variances that the
+ * covariance predicts, so that the variances of the remaining shots are too small. On the eight
+ * materials of docs/lab/fast.md, with a quarter of the shots, the errors were 1.1 … 1.6 times as
+ * large as predicted. */
 #define PREDICTION_CHOSEN 1.5
 
 /* Returns the expected relative error PREDICTION_CHOSEN · √(excess_rms · variances / Σ ρ²), where
  * variances is the sum of the variances of ρ over missing pairs. */
 double prediction_relative_error(const Prediction *prediction, double variances);
 
-/* Computes k(p, p') without ε of pairs a[i], b[j]: ret[i + n_a · j]. */
+/* Computes k(p, p') without ε, for p = a[i] and p' = b[j]: ret[i + n_a · j]. */
 void prediction_covariance(const Prediction *prediction, const int *a, int n_a, const int *b,
                            int n_b, double *ret);
-/* Computes k(p, p') with ε of n pairs among themselves: ret is n × n. The function uses no threads
- * and is meant for few pairs. */
+/* Computes k(p, p') with ε, for all p and p' of n pairs: ret is n × n. Uses no threads, because it
+ * is meant for few pairs. */
 void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
                                  double *ret);
 double prediction_prior_variance(const Prediction *prediction, int pair); /* k(p, p), with ε */
@@ -120,12 +122,14 @@ double prediction_prior_variance(const Prediction *prediction, int pair); /* k(p
 gboolean prediction_fit(Prediction *prediction, const double *rows, const double *g, int n_rows,
                         const struct work *work, GError **error);
 
-/* Computes the errors e = y_B − ŷ_B of rows (n_rows × m) when the pairs of each group B are left
- * out together, and their variances without s². e_B = (K⁻¹_BB)⁻¹ (K⁻¹ y)_B, with variances the
- * diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2, extended to groups of more than one
- * pair). A group of more than 64 pairs is divided into parts of at most 64, which are left out
- * separately. inverse is K⁻¹. It is m × m and symmetric. ret_errors is n_rows × m, and
- * ret_variances has m values. */
+/* Computes the errors of m pairs in cross-validation: the pairs of each group B are left out
+ * together. rows (n_rows × m) has the values y. A group of more than 64 pairs is divided into parts
+ * of at most 64, which are left out separately.
+ *
+ * inverse is K⁻¹ (m × m, symmetric). The errors are e_B = y_B − ŷ_B = (K⁻¹_BB)⁻¹ (K⁻¹ y)_B, and
+ * their variances without s² are the diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2,
+ * extended to groups of more than one pair). ret_errors is n_rows × m, and ret_variances has m
+ * values. */
 void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances);

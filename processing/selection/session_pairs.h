@@ -1,6 +1,5 @@
-/* The pairs of a view and a light that a session's plan has: their directions, the positions of
- * camera and lamp, and the shot that takes each pair. Constant after session_pairs_new(): any
- * thread. */
+/* The pairs of view and light in a session's plan: their directions, the positions of camera and
+ * lamp, and the shot that takes each pair. Constant after session_pairs_new(): any thread. */
 #pragma once
 
 #include "geometry/rig.h"
@@ -8,16 +7,17 @@
 #include "session/session.h"
 
 struct session_pairs {
-    /* All pairs for the predictor. Positions are in the sample frame. A group is the id of the shot
-     * that takes the pair, or −1 − pair if no shot takes it. */
+    /* All pairs, as prediction_new() needs them. Positions are in the sample frame. The group of a
+     * pair is the id of the shot that takes the pair. If no shot takes it, the group is −1 − p,
+     * where p is the index of the pair. */
     struct prediction_pairs all;
     int n_cameras;
     int *pair_of; /* for each shot and camera: the pair that it shows, or −1 */
 };
 
-/* rig is calibrated, with the turntable at 0. views and lights contain struct session_direction,
- * shots struct session_shot. The position of a lamp is that in the first shot of its light, because
- * the plan may have shifted the arc. Skipped shots take no pair. */
+/* Lists the pairs. rig is calibrated, with the turntable at 0. views and lights contain struct
+ * session_direction, shots struct session_shot. Skipped shots take no pair. The plan may shift the
+ * arc from shot to shot; the position of a lamp is that in the first shot of its light. */
 struct session_pairs *session_pairs_new(const struct rig *rig, const GPtrArray *views,
                                         const GPtrArray *lights, const GPtrArray *shots);
 void session_pairs_free(struct session_pairs *pairs); /* NULL is ignored */

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* The commands that an error suggests. `mesorig resume` takes a frame again if its file is missing
+/* Commands for the messages of errors. `mesorig resume` takes a frame again if its file is missing
  * or differs from the committed file. */
 #define AGAIN  "`mesorig resume` takes the frame again (import an imported session again)"
 #define REMEDY "; " AGAIN

@@ -21,14 +21,16 @@ void input_clear(struct input *input);
  * exr_part_free(). */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
-/* Returns the mosaic (height × width, borrowed) of a frame that input_read() or exr_read_part() has
- * read from path, and its colour filter in *ret_cfa (borrowed). path is for messages. For a picture
- * in colour ("rgb") the function computes the mosaic that a sensor behind "rggb" would have
- * recorded, so that code for mosaics can use it. This mosaic overwrites the channel G. Returns NULL
- * with an error if a channel or an attribute is missing. */
+/* Returns the mosaic of a frame that input_read() or exr_read_part() has read from path: height ×
+ * width, borrowed. *ret_cfa receives the colour filter of the mosaic (borrowed). path is for
+ * messages. Returns NULL with an error if a channel or an attribute is missing.
+ *
+ * For a picture in colour ("rgb"), the function computes the mosaic that a sensor behind "rggb"
+ * would have recorded, so that code for mosaics can use it. This mosaic overwrites the channel
+ * G. */
 const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
                           GError **error);
 
 /* Adds a text to the hash of a product's inputs. The end of the text is hashed as well, so that two
- * texts differ from their concatenation. */
+ * texts give another hash than their concatenation. */
 void input_hash(GChecksum *checksum, const char *format, ...) G_GNUC_PRINTF(2, 3);

@@ -11,8 +11,8 @@
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
     g_autofree char *mixed = NULL, *where = NULL, *begun_with = NULL;
     *ret = (struct made_with){0};
-    /* If these values are not set, the products have the session's own calibration. A failure to
-     * read them must therefore be an error. */
+    /* If these values are not set, the products were made with the session's own calibration.
+     * Values that cannot be read must therefore be an error. */
     if (!session_read_value(session, MIXED, &mixed, error) ||
         !session_read_value(session, WHERE, &where, error) ||
         !session_read_value(session, "calibration", &begun_with, error))

@@ -7,8 +7,8 @@
 #include <string.h>
 
 #define PREFIX "lamp_output/"
-/* Error of the calibration, which is added to the error of each camera. It prevents one camera with
- * little noise from outweighing the others. */
+/* Error of the calibration, which is added to the error of each camera. Without it, one camera with
+ * little noise would outweigh the others. */
 #define CALIBRATION_ERROR 1e-3
 
 struct output {
@@ -63,7 +63,8 @@ static gboolean add_all(struct outputs *outputs, Session *session, const GPtrArr
     return TRUE;
 }
 
-/* Returns the nearest measured shot of a lamp in one direction (±1), or 0 if there is none. */
+/* Returns the shot nearest to a shot in one direction (−1 or +1) that has the same lamp and was
+ * measured. Returns 0 if there is none. */
 static gint64 nearest(const struct outputs *outputs, gint64 shot, int direction) {
     for (gint64 i = shot + direction; i >= 1 && i <= outputs->n; i += direction)
         if (outputs->of[i].weight > 0 && outputs->of[i].lamp == outputs->of[shot].lamp)
@@ -71,9 +72,10 @@ static gint64 nearest(const struct outputs *outputs, gint64 shot, int direction)
     return 0;
 }
 
-/* Returns the output of a shot that was not measured: interpolated linearly between the nearest
- * measured shots of its lamp. If its lamp has measured shots only before or only after the shot,
- * returns the output of the nearest of them. If it has none at all, returns 1. */
+/* Returns the output of a shot that was not measured. The output is interpolated linearly between
+ * the nearest measured shots of its lamp before and after the shot. If the lamp has measured shots
+ * on one side only, the output of the nearest of them is returned. If it has none at all, 1 is
+ * returned. */
 static double between(const struct outputs *outputs, gint64 shot) {
     gint64 before = nearest(outputs, shot, -1), after = nearest(outputs, shot, 1);
     if (before == 0 && after == 0)

@@ -24,13 +24,15 @@ int session_lock(const char *path, GError **error) {
         g_snprintf(who, sizeof who, "%ld\n", (long)getpid());
         if (ftruncate(fd, 0) != 0 || pwrite(fd, who, strlen(who), 0) < 0)
             g_debug("%s: %s", file,
-                    g_strerror(errno)); /* the process id is only used in the message below */
+                    /* a failure is ignored, because the process id is used only in the message
+                     * below */
+                    g_strerror(errno));
         return fd;
     }
     if (fd >= 0 && errno == EWOULDBLOCK) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
-        /* 0 if the other process has not written its id yet */
+        /* pid is 0 if the other process has not written its id yet */
         const long pid = strtol(who, NULL, 10);
         g_autofree char *named = pid > 0 ? g_strdup_printf(" (process %ld)", pid) : g_strdup("");
         session_fail(error, SESSION_ERROR_LOCKED,
@@ -47,8 +49,8 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Syncs the names in a folder. Also succeeds if the folder may not be read, or if its file system
- * cannot sync folders. */
+/* Syncs the names in a folder. Also succeeds if the folder cannot be opened for lack of permission,
+ * or if its file system cannot sync folders. */
 static gboolean session_sync_folder(const char *folder, GError **error) {
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const gboolean ok = fd < 0 ? errno == EACCES : fsync(fd) == 0 || errno == EINVAL;
@@ -87,8 +89,8 @@ static gboolean session_start(Session *session, GError **error) {
     }
     if (!session_db_open(session, FALSE, error))
         return FALSE;
-    /* Syncs the name of the write-ahead log. SQLite assumes that it is synced if it cannot open the
-     * folder, and a power cut would then leave a database without a part of the log. */
+    /* Syncs the name of the write-ahead log. SQLite takes this name for synced if it cannot open
+     * the folder. A power cut would then leave a database without a part of the log. */
     if (session->mode != SESSION_READ && !session_sync_folder(session->path, error))
         return FALSE;
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
@@ -99,8 +101,8 @@ static gboolean session_start(Session *session, GError **error) {
                      session->path);
     if (!session->name)
         return FALSE;
-    /* Refuses symbolic links instead of folders, because writing into a session must not write
-     * outside of it. */
+    /* Symbolic links instead of folders are refused, because nothing may be written outside of the
+     * session. */
     for (gsize i = 0; session->mode != SESSION_READ && i < G_N_ELEMENTS(folders); i++) {
         g_autofree char *folder = session_file(session, folders[i]);
 
@@ -254,7 +256,8 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                           "dsss", time_s == time_s ? time_s : 0.0, level, from, says);
 }
 
-/* The file is hashed here, because the row must describe the file on disk. */
+/* The file is hashed here rather than by the caller, because the row must describe the file on
+ * disk. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error) {
     g_autofree char *file = session_file(session, relative), *sha256 = NULL;

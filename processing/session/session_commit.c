@@ -104,8 +104,8 @@ static gboolean store_turned(Session *session, const struct session_frame *frame
  * transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
-    /* All names between `from` and `to` begin with "turned/SHOT/", because '0' follows '/' in
-     * ASCII. */
+    /* The names of all values between `from` and `to` begin with "turned/SHOT/", because '0'
+     * follows '/' in ASCII. */
     g_autofree char *from = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/", shot);
     g_autofree char *to = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "0", shot);
     gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot) &&
@@ -120,8 +120,8 @@ static gboolean replace_frames(Session *session, gint64 shot, const struct sessi
     return ok;
 }
 
-/* Writes all rows in one transaction, so that a reader never sees half of a shot. The frames are
- * checked before. */
+/* All rows are written in one transaction, so that a reader never sees half of a shot. The frames
+ * are checked before the transaction begins. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error) {
@@ -137,7 +137,8 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
     return FALSE;
 }
 
-/* beginning of the name of the value of a damaged frame; the path of the frame follows */
+/* A damaged frame is noted in a value. This is the beginning of the value's name, which the path of
+ * the frame follows. */
 #define NOTED "damaged/"
 
 gboolean session_note_damage(Session *session, const char *frame, const char *what,
@@ -149,8 +150,8 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
 
 /* Removes all frames of every shot that has lost a frame, because a shot is captured as a whole.
  * The shot is planned again, and an event says why. Also deletes the notes of
- * session_note_damage(). why has the reason for each frame that is lost, and NULL for the others.
- * Uses one short transaction; the files were checked before. */
+ * session_note_damage(). For each frame, why has the reason if the frame is lost, and NULL
+ * otherwise. Uses one short transaction. */
 static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
                              GError **error) {
     g_autofree char *clock = session_value(session, "clock_s");
@@ -180,7 +181,7 @@ static gboolean forget_shots(Session *session, const GPtrArray *frames, const GP
 }
 
 /* Returns the set of the paths of dark frames and of frames that were noted as damaged.
- * session_verify() always compares their checksums. */
+ * session_verify() compares the checksums of these frames even if it is not thorough. */
 static GHashTable *suspects(Session *session, GError **error) {
     g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
     g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
@@ -210,7 +211,7 @@ void session_remove_unfinished(const Session *session) {
 }
 
 /* Sets the error for a frame that the disk fails to read, and returns FALSE. Such a frame does not
- * count as lost. Otherwise all shots would be planned again when a disk fails. */
+ * count as lost, because a failing disk would otherwise plan all shots again. */
 static gboolean unreadable(const Session *session, const char *relative, const char *why,
                            GError **error) {
     return session_fail(error, SESSION_ERROR_IO,
@@ -244,8 +245,8 @@ static char *session_commit_damage(const Session *session, const struct session_
     return wrong;
 }
 
-/* Compares the files outside of a transaction, because a transaction would block other writers for
- * minutes. */
+/* The files are compared outside of a transaction, because a transaction would block other writers
+ * for minutes. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;

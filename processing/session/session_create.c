@@ -1,4 +1,5 @@
-/* Creates a session: database and folders are made under a hidden name, synced, and renamed. */
+/* Creates a session. The database and the folders are made under a hidden name and synced. Then the
+ * directory is renamed. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -86,9 +87,10 @@ static gboolean insert_directions(Session *session, const struct session_directi
     return TRUE;
 }
 
-/* Sets *ret to what the column cameras holds for a set of cameras (session_private.h): a bit mask,
- * or −n for the nth set that is stored as a value. sets (of struct camera_set) has the sets that
- * are stored so far. A set that needs a value and is not among them is added and stored. */
+/* Sets *ret to the number that the column cameras has for a set of cameras (session_private.h). It
+ * is a bit mask, or −n for the nth set that is stored as a value. sets (of struct camera_set) has
+ * the sets that are stored so far. If the set needs a value and is not among them, it is stored and
+ * appended to sets. */
 static gboolean insert_cameras(Session *session, struct camera_set cameras, GArray *sets,
                                gint64 *ret, GError **error) {
     if (camera_set_next(cameras, SESSION_MASK_CAMERAS - 1) < 0) {
@@ -109,7 +111,7 @@ static gboolean insert_cameras(Session *session, struct camera_set cameras, GArr
     return session_db_run(session, error, "INSERT INTO value VALUES (?1, ?2)", "ss", key, text);
 }
 
-/* Inserts all rows of the plan, within one transaction of the caller. */
+/* Inserts all rows of the plan. The caller has begun a transaction. */
 static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
     const struct session_grid *grid = &plan->grid;
     g_autoptr(GArray) sets = g_array_new(FALSE, FALSE, sizeof(struct camera_set));
@@ -200,7 +202,7 @@ static void remove_all(const char *path) {
     g_rmdir(path);
 }
 
-/* Renames without ever replacing anything, not even an empty directory. */
+/* Renames a directory, but never replaces anything, not even an empty directory. */
 static gboolean move_in_place(const char *from, const char *to, GError **error) {
     return output_file_move(from, to) || fail_errno(to, errno, error);
 }

@@ -38,9 +38,9 @@ static gboolean damaged(const Session *session, const char *what, GError **error
                         session->path, valid);
 }
 
-/* Returns whether a file that SQLite has open can be read to its end. Uses SQLite's own descriptor,
- * because closing a second descriptor of the file would release all locks that this process has on
- * it. */
+/* Returns whether a file that SQLite has open can be read to its end. Reads through SQLite's own
+ * descriptor. If a second descriptor were opened, its closing would release all locks that this
+ * process has on the file. */
 static gboolean can_read_all(sqlite3 *db, int which) {
     sqlite3_file *file = NULL;
     sqlite3_int64 size = 0;
@@ -58,10 +58,10 @@ static gboolean can_read_all(sqlite3 *db, int which) {
     return TRUE;
 }
 
-/* Distinguishes a damaged database from a failing disk. SQLite also reports a page as damaged if
- * the disk fails to read it (SQLITE_IOERR_CORRUPTFS becomes SQLITE_CORRUPT while a statement runs).
- * Returns TRUE if the whole database can be read now, and a new connection still finds it
- * damaged. */
+/* Returns TRUE if the database is damaged, and FALSE if the disk fails to read it. The code of an
+ * error does not tell, because SQLite also reports a page as damaged if the disk fails to read it
+ * (SQLITE_IOERR_CORRUPTFS becomes SQLITE_CORRUPT while a statement runs). The database is damaged
+ * if it can be read as a whole now, and a new connection still finds it damaged. */
 static gboolean is_truly_damaged(const Session *session) {
     if (!can_read_all(session->db, SQLITE_FCNTL_FILE_POINTER) ||
         !can_read_all(session->db, SQLITE_FCNTL_JOURNAL_POINTER))
@@ -200,8 +200,8 @@ void session_rollback(Session *session) {
         session_db_run(session, NULL, "ROLLBACK", "");
 }
 
-/* Returns the text that a query gives. Every undamaged database has a row for the query; if there
- * is none, sets an error and returns NULL. */
+/* Returns the text that a query gives. If there is no row, sets an error and returns NULL, because
+ * every undamaged database has a row for the query. */
 static char *must_text(Session *session, const char *sql, const char *key, GError **error) {
     char *text = NULL;
 
@@ -213,9 +213,9 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
-/* Sets the error for a failed check of the structure by SQLite. `says` is the text that the check
- * gave. The check reports a page that the disk cannot read as if it were damaged; the code of the
- * read error is then in the text. Returns FALSE. */
+/* Sets the error if SQLite's check of the structure failed, and returns FALSE. `says` is the text
+ * that the check gave. The check also reports a page as damaged if the disk cannot read it. Its
+ * text then has the code of the read error. */
 static gboolean unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);
@@ -227,9 +227,10 @@ static gboolean unsound(const Session *session, const char *says, GError **error
                         session->path, says);
 }
 
-/* Returns a table's text without its comments, which differ between versions. If a text hides code
- * behind a quoted or bracketed “--”, its quote or bracket stays in the result. The tables of the
- * schema have no quote or bracket there, so that such a text differs from them. */
+/* Returns the text of a table without its comments, which differ between versions. A text could
+ * hide code behind a “--” in quotes or brackets, which is no comment. Its quote or bracket then
+ * stays in the result. The tables of the schema have no quote or bracket there, so that such a text
+ * differs from them. */
 static char *without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);
@@ -279,8 +280,8 @@ static gboolean session_db_check(Session *session, GError **error) {
     return TRUE;
 }
 
-/* Checks that session.db exists, and that it and the files that SQLite opens next to it are regular
- * files. SQLite would block on a FIFO. */
+/* Checks that session.db exists and is a regular file, and also that the files that SQLite opens
+ * next to it are regular files. SQLite would wait forever for a FIFO. */
 static gboolean check_file(const Session *session, const char *file, GError **error) {
     static const char *const beside[] = {"", "-wal", "-shm", "-journal"};
     struct stat status;
@@ -336,7 +337,8 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
     struct stat status;
 
     if (create) {
-        /* SQLite would create a file that only its owner may write, regardless of the umask. */
+        /* The file is created here, because SQLite would create a file that only its owner may
+         * write, regardless of the umask. */
         int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 
         if (fd < 0)
@@ -351,10 +353,11 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         return FALSE;
     if (connect(session, uri, flags, FALSE, &own) && session_db_check(session, &own))
         return TRUE;
-    /* The index of the WAL, which processes share, cannot be created on a read-only medium or on a
-     * full disk. In this case no other process has the session open. If the WAL is empty, the
-     * database file is complete without it. Otherwise the index is kept in memory, which needs a
-     * connection without locks of the file. */
+    /* The index of the WAL is a file that processes share. It cannot be created on a read-only
+     * medium or on a full disk. No other process then has the session open.
+     *
+     * If the WAL is empty, the database file is complete and is opened without the WAL. If not, the
+     * index is kept in memory, which needs a connection without locks of the file. */
     const int rc = sqlite3_errcode(session->db) & 0xff;
     const gboolean full = g_error_matches(own, SESSION_ERROR, SESSION_ERROR_FULL);
     const gboolean has_wal = stat(wal, &status) == 0 && status.st_size > 0;

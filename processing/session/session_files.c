@@ -14,12 +14,13 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* maximum time to wait for the row of a file that another program has just written */
+/* maximum time to wait for the row of a file whose program has written the file, but not the row
+ * yet */
 #define PATIENCE_US (10 * G_USEC_PER_SEC)
 #define POLL_US     (G_USEC_PER_SEC / 10)
 
 static GMutex known_mutex;
-static GHashTable *known; /* identity of a file when it was hashed → SHA-256 */
+static GHashTable *known; /* maps the identity of a file when it was hashed to its SHA-256 */
 
 static gint64 nanoseconds(const struct timespec *time) {
     return (gint64)time->tv_sec * G_GINT64_CONSTANT(1000000000) + time->tv_nsec;
@@ -139,7 +140,7 @@ static void row_free(gpointer data) {
     g_free(row);
 }
 
-/* Reads the rows of the files whose names begin with prefix. */
+/* Reads the rows of the files whose paths begin with prefix. */
 static GPtrArray *read_rows(Session *session, gboolean frames, const char *prefix, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
     g_autoptr(sqlite3_stmt) statement = session_db_query(
@@ -272,8 +273,9 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
     }
 }
 
-/* Returns the session of a file in products/… or products/btf/…, or NULL if there is none.
- * *ret_relative points into `file`, to the place where the path relative to the session begins. */
+/* Returns the directory of the session to which a file in products/… or products/btf/… belongs, or
+ * NULL if there is none. *ret_relative then points to the part of `file` that is relative to that
+ * directory. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"/products", "/products/btf"};
     g_autofree char *inner = g_path_get_dirname(file);

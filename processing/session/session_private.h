@@ -12,7 +12,7 @@ struct Session {
     char *name;
     enum session_mode mode;
     int lock; /* file descriptor that holds the capture lock, or −1 */
-    /* session_create() is still making the session, so that a failure loses nothing */
+    /* session_create() is still making the session, so no data are lost if it fails */
     gboolean is_new;
 };
 
@@ -39,25 +39,25 @@ int session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
 
 char *session_db_text(sqlite3_stmt *statement, int column); /* g_free() */
 
-/* Gives the text in the first column of the first row. key is ?1 of the query, or NULL if the query
- * has no parameter. *ret is NULL if there is no row, and on error. Returns the same values as
- * session_db_next(). */
+/* Gives the text in the first column of the first row. If the query has the parameter ?1, key is
+ * its value; otherwise key is NULL. *ret is NULL if there is no row, and on error. Returns the same
+ * values as session_db_next(). */
 int session_db_one_text(Session *session, const char *sql, const char *key, char **ret,
                         GError **error);
 
-/* Opens session.db of session->path in session->mode, and refuses anything that is not a complete
- * session. If create is TRUE, makes an empty database instead; session.db must not exist. */
+/* Opens session.db of session->path in session->mode. Fails if it is not a complete session. If
+ * create is TRUE, makes an empty database instead; session.db must not exist. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);
 
-/* Opens a session and takes ownership of lock, also on failure. If lock is −1 and the mode is
+/* Opens a session, and takes ownership of lock even if it fails. If lock is −1 and the mode is
  * SESSION_CAPTURE, takes the lock. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
 /* Takes the capture lock. Returns its file descriptor, or −1 with an error, for example if another
  * process holds the lock. */
 int session_lock(const char *path, GError **error);
 
-/* A set of cameras in the column cameras of the table shot. If all cameras are below
- * SESSION_MASK_CAMERAS, the number has bit c for camera c. Otherwise it is −n, and the value
+/* How the column cameras of the table shot stores a set of cameras as a number. If all cameras are
+ * below SESSION_MASK_CAMERAS, the number has bit c for camera c. Otherwise it is −n, and the value
  * SESSION_CAMERAS "n" has the text of the set (camera_set_to_text()). */
 #define SESSION_MASK_CAMERAS 63
 #define SESSION_CAMERAS      "cameras/"
@@ -80,12 +80,13 @@ gboolean session_is_relative(const char *path);
 extern const char *const session_shot_kinds[];  /* by enum session_shot_kind, NULL-terminated */
 extern const char *const session_shot_states[]; /* by enum session_shot_state */
 
-/* Check the parts of a plan, both before the plan is stored and after it is read. index and id are
- * the expected ones. The error is SESSION_ERROR_FORMAT and names no file. */
+/* Check the parts of a plan, both before the plan is stored and after it was read. index and id are
+ * the values that the part must have. The error is SESSION_ERROR_FORMAT; its message names no
+ * file. */
 gboolean session_check_grid(const struct session_grid *grid, GError **error);
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error);
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error);
 
-#define SESSION_TURNED "turned/" /* beginning of a value's name; SHOT/CAMERA follows */
+#define SESSION_TURNED "turned/" /* beginning of the name of a value, which SHOT/CAMERA follows */
