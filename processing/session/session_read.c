@@ -20,7 +20,7 @@ static gboolean wrong(GError **error, const char *format, ...) {
     return session_fail(error, SESSION_ERROR_FORMAT, "the session's plan is not valid: %s", what);
 }
 
-/* Adds to an error of wrong() the file that was read, and what to do. */
+/* Completes the message of an error of wrong() with the file that was read, and with what to do. */
 static void name_database(const Session *session, GError **error) {
     if (!error || !*error)
         return;
@@ -111,8 +111,8 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
            wrong(error, "the note of shot %" G_GINT64_FORMAT " is not UTF-8", id);
 }
 
-/* Returns the integer in a column. If the integer is out of the range of int, returns G_MININT,
- * which no check of a plan accepts. */
+/* Returns the integer in a column. If it is out of the range of int, returns G_MININT, which no
+ * check of a plan accepts. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
@@ -184,11 +184,11 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
 }
 
 /* Returns a new element made from a row, or NULL with an error if the row is not valid. number is
- * the position of the row, from 0. */
+ * the index of the row, from 0. */
 typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
 
-/* Returns an array with the element of each row of a query. key is ?1 of the query and data of
- * read_row, or NULL if the query has no parameter. */
+/* Returns an array with the element of each row of a query. If the query has the parameter ?1, key
+ * is its value, and also the data of read_row. Otherwise key is NULL. */
 static GPtrArray *session_read_rows(Session *session, const char *sql, const char *key,
                                     GDestroyNotify free_row, ReadRow read_row, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(free_row);
@@ -254,9 +254,9 @@ static void shot_free(gpointer data) {
     g_free(shot);
 }
 
-/* Reads a set of cameras. number is what the column cameras holds (session_private.h), and value is
- * the text that a negative number refers to, or NULL if there is none. Returns FALSE if the text is
- * needed and missing or not valid. */
+/* Reads a set of cameras. number is the number in the column cameras (session_private.h). If it is
+ * negative, value is the text that it refers to, or NULL if there is no such text. Returns FALSE if
+ * number is negative and the text is missing or not valid. */
 static gboolean read_cameras(gint64 number, const char *value, struct camera_set *ret) {
     if (number < 0)
         return value && *value && camera_set_from_text(value, ret);

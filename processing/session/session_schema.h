@@ -1,5 +1,5 @@
 /*
- * The schema of session.db, a public format: SQLite 3.37 or later reads it (STRICT tables). Every
+ * The schema of session.db, a public format. SQLite 3.37 or later reads it (STRICT tables). Every
  * table contains its own description, so `sqlite3 session.db .schema` gives the same information
  * as this file.
  *
@@ -7,9 +7,10 @@
  *   PRAGMA user_version     SESSION_FORMAT
  *   PRAGMA journal_mode     WAL
  *
- * Lengths in millimetres, angles in degrees, times in seconds on the session's clock. Numbers are
- * IEEE doubles, bit for bit, except −0, which SQLite stores as 0. A table is recognised by its text
- * below without the comments: any other change of the text needs a new SESSION_FORMAT.
+ * Lengths are in millimetres, angles in degrees, and times in seconds on the session's clock.
+ * Numbers are IEEE doubles, stored bit for bit, except −0, which SQLite stores as 0. A table is
+ * recognised by its text below without the comments: any other change of the text needs a new
+ * SESSION_FORMAT.
  */
 #pragma once
 

@@ -3,20 +3,24 @@
 #include <math.h>
 #include <string.h>
 
-/* cells of the sample in each dimension; counts per cell show how evenly it is covered */
+/* The sample is divided into GRID × GRID cells. How often each cell is shown tells how evenly the
+ * sample is covered. */
 #define GRID 16
-/* weight of even coverage in endless_cost(); mean and variance of a picture weigh 1 */
+/* weight of even coverage in endless_cost(); the weight of the pictures is 1 */
 #define EVENLY 0.1
 #define TRIES  24 /* number of positions of a centre that are tried */
-#define SWEEPS 3  /* number of times that each centre is placed again when all are placed */
-/* factor of the range in which centres are drawn before they are clamped, so that some centres are
- * at the ends of the range */
+#define SWEEPS 3  /* number of rounds in which each centre is placed again, after all were placed  \
+                   */
+/* Centres are drawn from a range that is larger than the allowed one by this factor, and then
+ * clamped, so that some centres are at the ends of the allowed range. */
 #define SPREAD 1.3
 #define SEED   0x656e646cu
 
-/* What one or several hexagons show of the pictures, as sums over pixels. */
+/* Sums over the pixels that one or several hexagons show. */
 struct shown {
-    /* n: number of pixels; values, squares: of each picture, sums of values and of their squares */
+    /* n: number of pixels
+     * values: for each picture, the sum of its values
+     * squares: for each picture, the sum of the squares of its values */
     double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES];
     double cells[GRID * GRID];
 };
@@ -27,8 +31,8 @@ struct endless_choice {
     struct shown all;                 /* sums of the centres that are placed */
 };
 
-/* Gives the maximum extent of a hexagon from its centre in each dimension, in tiles. The flat sides
- * are at the left and right. */
+/* Gives the largest distance of a point of a hexagon from its centre in each dimension, in tiles.
+ * The flat sides are at the left and right. */
 static void endless_reach(const struct endless *e, float ret[2]) {
     const double column = ENDLESS_COLUMN * MIN(e->width, e->height);
     ret[0] = (float)(0.5 * column / e->width);
@@ -70,8 +74,9 @@ static void add(struct shown *to, const struct shown *one, double sign) {
         to->cells[k] += sign * one->cells[k];
 }
 
-/* Returns the difference of all visible texels from the sample after adding one hexagon: in the
- * mean and variance of the pictures, and in the evenness of the coverage. */
+/* Returns how much all visible texels, with those of one further hexagon, differ from the sample.
+ * The cost consists of the differences in mean and variance of the pictures, and of the unevenness
+ * of the coverage. */
 static double endless_cost(const struct endless_choice *c, const struct shown *one) {
     const double n = c->all.n + one->n;
     double cost = 0, uneven = 0;
@@ -94,8 +99,8 @@ static void draw(const struct endless *e, GRand *random, float ret[2]) {
     }
 }
 
-/* Puts centre k at the best of TRIES random positions. again means that the centre already has a
- * position, which it may keep. */
+/* Puts centre k at the best of TRIES random positions. If again is TRUE, the centre already has a
+ * position, and keeps it if no other is better. */
 static void place_centre(struct endless_choice *c, int k, gboolean again, GRand *random) {
     float *centre = c->endless->centres[k];
     double least = G_MAXDOUBLE;

@@ -4,21 +4,23 @@
  * there is no file.
  *
  * The centres of the hexagons are the vertices of a lattice of triangles. A point has three
- * barycentric coordinates w_k in its triangle, which grow towards the three centres. Shares are
+ * barycentric coordinates w_k in its triangle, which grow towards the three centres. The shares of
+ * the hexagons in a point are
  *   s_k = max (w_k − max w + ENDLESS_BLEND, 0), scaled to Σ s_k = 1.
- * Most points therefore lie in one hexagon, and points along an edge in two or three. Values b_k
- * are mixed about their mean m over the sample, which keeps mean and variance (Heitz and Neyret
- * 2018 eq. 4):
+ * Most points therefore lie in one hexagon, and points along an edge in two or three. The values
+ * b_k of the hexagons are mixed about their mean m over the sample, which keeps mean and variance
+ * (Heitz and Neyret 2018 eq. 4):
  *   m + Σ s_k (b_k − m) / ‖s‖ = Σ (s_k / ‖s‖) b_k + (1 − 1 / ‖s‖) m
- * Depths are those of the nearest hexagon.
+ * Depths are not mixed, but are those of the nearest hexagon.
  *
  * No hexagon extends beyond the edges of the sample, so that the edges are never visible. If the
- * blend along a hexagon's border extends beyond an edge, the value at the edge is used. The centre
- * of a hexagon in the sample is one of ENDLESS_CENTRES. A hash of the lattice's vertex chooses it
- * (Jarzynski and Olano 2020). For each centre, several candidates are drawn at random. The
- * candidate is kept for which the mean and the variance of the visible texels are nearest to those
- * of the sample, and for which the centres cover the sample evenly. The lattice repeats after a
- * whole number of columns and rows where the texture coordinates of the shape do.
+ * blend along a hexagon's border extends beyond an edge, the value at the edge is used.
+ *
+ * The centre of a hexagon in the sample is one of ENDLESS_CENTRES. A hash of the lattice's vertex
+ * chooses it (Jarzynski and Olano 2020). Each centre is the best of several random candidates: the
+ * mean and the variance of the visible texels should be near to those of the sample, and the
+ * centres should cover the sample evenly. The lattice repeats after a whole number of columns and
+ * rows where the texture coordinates of the shape do.
  *
  * renderer/shaders/places.glsl does the same as endless_find(). Plain data; any thread. */
 #pragma once
@@ -35,16 +37,17 @@
 #define ENDLESS_COLUMN 0.42
 
 struct endless {
-    int width, height;                 /* texels of the sample */
-    float edge[2];                     /* half a texel, in tiles: minimum coordinate of a lookup */
+    int width, height; /* texels of the sample */
+    /* half a texel, in tiles; the values of the sample are read at this distance from its edges or
+     * farther */
+    float edge[2];
     float centres[ENDLESS_CENTRES][2]; /* centres of hexagons in the sample, in tiles */
 };
 typedef struct endless Endless;
 
 /* Pictures of a sample, for example under some views and lights: height × width × n values, n = 1 …
- * ENDLESS_PICTURES. They may have fewer pixels than the sample has texels. ENDLESS_SIDE pixels in
- * each dimension are sufficient. The time to choose centres is proportional to the number of
- * pixels. */
+ * ENDLESS_PICTURES. The time to choose centres is proportional to the number of pixels.
+ * ENDLESS_SIDE pixels in each dimension are sufficient, even if the sample has more texels. */
 struct endless_pictures {
     int width, height, n;
     const float *values;

@@ -1,7 +1,7 @@
-/* An index map, which is a larger picture of a material. Each of its texels contains the position
- * of a texel of the sample, which is shown there (the index texture of Meseth et al. 2003 §6, after
- * Tong et al. 2002). The map contains no values, so that every codec of the sample, and the
- * sample's MDF, is drawn through the same map.
+/* An index map is a picture of a material that is larger than the sample. Each of its texels has
+ * the position of a texel of the sample, which is shown there (the index texture of Meseth et al.
+ * 2003 §6, after Tong et al. 2002). The map contains no values. Therefore every codec of the
+ * sample, and the sample's MDF, is drawn through the same map.
  *
  * On disk, one EXR:
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
@@ -49,5 +49,5 @@ gboolean index_map_write(const char *path, const struct index_map *map, GError *
  * to texels outside the sample. */
 struct index_map *index_map_read(const char *path, GError **error);
 
-/* Returns the bytes of all levels on a graphics card, four per texel. */
+/* Returns the number of bytes that all levels take on a graphics card, four per texel. */
 gint64 index_map_bytes(const struct index_map *map);

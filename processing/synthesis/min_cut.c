@@ -7,8 +7,8 @@ struct min_cut {
     const float *costs, *turns;
     int length, width;
     float *sums; /* length × width: cost of the cheapest path from the first row to each place */
-    /* for each column of a row, the offset (−1, 0 or +1) of the column of the row before from which
-     * the path comes */
+    /* For each place, the offset (−1, 0 or +1) from its column to the column of the previous row
+     * from which the cheapest path comes. */
     gint8 *before;
 };
 
@@ -18,7 +18,8 @@ static float min_cut_step(const struct min_cut *c, int row, int from, int to) {
     return c->turns[2 * ((gsize)row * (gsize)c->width + (gsize)from) + (to > from ? 1 : 0)];
 }
 
-/* Computes the costs of paths that begin at a column of the first row, or at any column with −1. */
+/* Computes the costs of the paths that begin at the column `begin` of the first row. If begin is
+ * −1, the paths may begin at any column. */
 static void min_cut_sums(const struct min_cut *c, int begin) {
     const gsize width = (gsize)c->width;
     for (int i = 0; i < c->width; i++)
@@ -44,8 +45,8 @@ static void min_cut_sums(const struct min_cut *c, int begin) {
         }
 }
 
-/* Returns the minimum cost of a path that begins at a column, and gives the column at which this
- * path ends. With begin ≥ 0, the path is closed. */
+/* Returns the minimum cost of a path, and gives the column at which this path ends. With begin ≥ 0,
+ * the path begins at this column and is closed. */
 static float min_cut_end(const struct min_cut *c, int begin, int *ret_end) {
     const float *last = c->sums + (gsize)(c->length - 1) * (gsize)c->width;
     float least = FLT_MAX;

@@ -4,10 +4,12 @@
 
 #include <glib.h>
 
-/* costs is length × width: the cost of a cut through a column of a row. The column of the path
- * changes by at most 1 from row to row. turns, which may be NULL, is length × width × 2: the
- * additional cost of going from (row, column) to column − 1 and + 1 of the next row. If cyclic is
- * TRUE, the first row follows the last, so that the path is closed. Returns the cost of the path.
- * ret_path gets the column of the path in each of the length rows. */
+/* Finds the path of minimum cost, and returns its cost. ret_path receives the column of the path in
+ * each of the length rows. The column changes by at most 1 from row to row. costs (length × width)
+ * has the cost of a path through a column of a row.
+ *
+ * turns, which may be NULL, is length × width × 2. It has the additional cost of going from (row,
+ * column) to column − 1, and that of going to column + 1, of the next row. If cyclic is TRUE, the
+ * first row follows the last, so that the path is closed. */
 float min_cut(const float *costs, const float *turns, int length, int width, gboolean cyclic,
               int *ret_path);

@@ -17,12 +17,12 @@ int order_period(const struct texel_features *features);
  * kept, 1 that it is lost completely. */
 double order_difference(const struct texel_features *features, const struct index_map *map);
 
-/* Compares neighbouring texels of a map that are not neighbours in the sample with neighbours in
- * the sample. The distances are the RMS distances of features between each texel and the texels to
- * the right of it and below it. */
+/* Compares neighbouring texels of a map that are not neighbours in the sample (seams) with
+ * neighbours in the sample. The distances are RMS distances of features between each texel and the
+ * texels to the right of it and below it. */
 struct order_seams {
-    /* pairs: number of pairs of neighbours in the map; seams: number of those that are not
-     * neighbours in the sample */
+    /* pairs: number of pairs of neighbours in the map
+     * seams: number of pairs that are not neighbours in the sample */
     int seams, pairs;
     double seam, inside; /* RMS distance over the seams, and over all neighbours in the sample */
 };

@@ -7,8 +7,8 @@
 #include "min_cut.h"
 #include "order.h"
 
-/* a block is drawn at random from the blocks whose error exceeds the minimum error by at most this
- * share */
+/* A block is drawn at random from those whose error is at most 1 + TOLERANCE times the minimum
+ * error. */
 #define TOLERANCE 0.1F
 /* maximum number of texels of an overlap that are compared for the choice of a block */
 #define COMPARED 600
@@ -21,13 +21,12 @@ struct quilt {
     guint8 *filled; /* whether each texel of the map is filled */
     int block;
     int column, row; /* position of the block's first texel in the map */
-    /* For the choice of the block: the texels of the block that are already filled, and their
-     * features. */
+    /* The texels of the block that are already filled, by which the block is chosen. */
     int n_compared;
     int *compared;     /* n_compared × 2: column and row in the block */
-    float *wanted;     /* n_compared × sample->n: features of these texels */
+    float *wanted;     /* features of these texels: n_compared × sample->n */
     int columns, rows; /* number of columns and rows of the sample at which a block may begin */
-    float *errors;     /* rows × columns: error of the block that begins there */
+    float *errors;     /* rows × columns: error of the block of the sample that begins there */
 };
 
 int quilting_block(const struct texel_features *features) {
@@ -48,7 +47,7 @@ static const float *quilt_there(const struct quilt *quilt, int x, int y) {
     return texel_features_at(quilt->sample, s[0], s[1]);
 }
 
-/* Computes the errors of all blocks of the sample whose first texel is in this row. */
+/* Computes the errors of all blocks of the sample whose first texel is in a row of the sample. */
 static void quilt_compare_row(int row, gpointer data) {
     const struct quilt *quilt = data;
     const int n = quilt->sample->n;
@@ -63,14 +62,14 @@ static void quilt_compare_row(int row, gpointer data) {
     }
 }
 
-/* Sets n_compared, compared and wanted: gathers the filled texels that the block overlaps, evenly
- * reduced to about COMPARED. */
+/* Sets n_compared, compared and wanted. Gathers the texels of the block that are already filled. If
+ * there are many, only every step-th of them is taken, about COMPARED in all. */
 static void quilt_gather(struct quilt *quilt) {
     const int n = quilt->sample->n;
     int n_filled = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++)
         n_filled += quilt->filled[quilt_at(quilt, k % quilt->block, k / quilt->block)];
-    /* The step is odd, so that it meets all columns and rows unless it divides the side. */
+    /* An odd step reaches all columns and rows, except if it divides the side of the block. */
     int step = MAX(1, n_filled / COMPARED) | 1, seen = 0;
     quilt->n_compared = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++) {
@@ -85,7 +84,7 @@ static void quilt_gather(struct quilt *quilt) {
     }
 }
 
-/* Draws one of the blocks that fit. ret is its first texel in the sample. Returns FALSE when
+/* Draws one of the blocks that fit. ret receives its first texel in the sample. Returns FALSE when
  * cancelled. */
 static gboolean quilt_choose(struct quilt *quilt, GRand *random, const struct work *work,
                              int ret[2], GError **error) {
@@ -114,8 +113,8 @@ static gboolean quilt_choose(struct quilt *quilt, GRand *random, const struct wo
  * The width of the strip is 0 if there is no overlap. */
 enum quilt_side { QUILT_LEFT, QUILT_TOP, QUILT_RIGHT, QUILT_BOTTOM, QUILT_SIDES };
 
-/* Gives the texel of a block at the position along in the side's direction, and inwards texels from
- * its edge. */
+/* Gives the texel of a block that is at the position along on a side, and inwards texels away from
+ * this side. */
 static void quilt_of_side(const struct quilt *quilt, enum quilt_side side, int along, int inwards,
                           int ret[2]) {
     const int from =
@@ -124,8 +123,8 @@ static void quilt_of_side(const struct quilt *quilt, enum quilt_side side, int a
     ret[side == QUILT_LEFT || side == QUILT_RIGHT ? 1 : 0] = along;
 }
 
-/* Finds, for each texel along a side, how far inwards the block begins. The boundary is the path of
- * least error. */
+/* Finds the boundary of a block on a side: for each texel along the side, ret_path receives how far
+ * inwards the block begins. The boundary is the path of least error. */
 static void quilt_cut(const struct quilt *quilt, enum quilt_side side, int wide, const int from[2],
                       int *ret_path) {
     const gsize n = (gsize)wide;
@@ -176,7 +175,8 @@ static int quilt_begin(int size, int k, int n) {
     return (int)((gint64)size * k / n);
 }
 
-/* Returns the width by which a block overlaps the next block. The last block overlaps the first. */
+/* Returns the number of texels by which the k-th block overlaps the next block. After the last
+ * block comes the first. */
 static int quilt_overlap(int size, int k, int n, int block) {
     return MAX(0, quilt_begin(size, k, n) + block - quilt_begin(size, k + 1, n));
 }

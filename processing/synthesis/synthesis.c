@@ -15,8 +15,8 @@
 
 const char *const synthesis_names[SYNTHESIS_METHODS] = {"auto", "textons", "quilting", "tileable"};
 
-/* Gives the mean of the map's texels in a block of side × side texels of level 0. Texels beyond the
- * edge do not count. */
+/* Gives the mean of the features of the map's texels in a block of side × side texels of level 0.
+ * Texels beyond the edge of the map do not count. */
 static void block_mean(const struct texel_features *f, const struct index_map *map, int x, int y,
                        int side, float *ret) {
     int n = 0;

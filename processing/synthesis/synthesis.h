@@ -7,8 +7,8 @@
 #include "texel_features.h"
 
 enum synthesis_method {
-    /* tries the next two methods. Chooses textons, which repeat no whole blocks, unless quilting
-     * keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE */
+    /* Tries textons and quilting. Chooses textons, which repeat no whole blocks. Chooses quilting
+     * only if it keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE. */
     SYNTHESIS_AUTO,
     SYNTHESIS_TEXTONS,
     SYNTHESIS_QUILTING,
@@ -22,14 +22,14 @@ extern const char *const synthesis_names[SYNTHESIS_METHODS];
 
 struct synthesis_options {
     enum synthesis_method method;
-    int width, height; /* of the map, in texels; ignored by SYNTHESIS_TILEABLE */
+    int width, height; /* size of the map in texels; ignored by SYNTHESIS_TILEABLE */
     int block;         /* for quilting; 0 means quilting_block() */
     guint32 seed;
 };
 
 struct synthesis_result {
     enum synthesis_method method; /* the method by which the map was made */
-    /* order_difference() of textons and quilting if they were tried, otherwise −1 */
+    /* order_difference() of each method that was tried (textons, quilting); −1 for the others */
     double order[SYNTHESIS_METHODS];
     struct order_seams seams;
     int n_features;
@@ -54,10 +54,11 @@ struct index_map *synthesis_of_session(const char *path, gint64 memory,
                                        const struct work *work, struct synthesis_result *ret,
                                        GError **error);
 
-/* Makes the mip levels of a map from level 0. A block of level n covers up to four blocks of level
- * n − 1. Each of these gives a candidate: the square of the sample that has this smaller block at
- * the same place, moved so that it stays within the sample. The function chooses the candidate
- * whose mean in the sample is nearest to the mean of the texels in the map. A block of the last
- * level is at most as wide as the shorter side of the map, and as a quarter of the shorter side of
- * the sample. There are at most INDEX_MAP_LEVELS levels. */
+/* Makes the mip levels of a map from level 0. A texel of level n stands for a block, and this block
+ * covers up to four blocks of level n − 1. Each of these gives a candidate: the square of the
+ * sample that has the smaller block at the same place, moved so that it stays within the sample.
+ * The candidate is chosen whose mean in the sample is nearest to the mean of the texels in the map.
+ *
+ * A block of the last level is at most as wide as the shorter side of the map, and as a quarter of
+ * the shorter side of the sample. There are at most INDEX_MAP_LEVELS levels. */
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map);

@@ -11,14 +11,15 @@
 #define WIDE    (TEXEL_FEATURES + SPARE) /* number of columns of Ω */
 #define ROWS    256                      /* number of texels of a block */
 #define SEED    0x74657874u
-#define LEAST   1e-3 /* share of the variance; components with less are left out */
+#define LEAST   1e-3 /* components with less than this share of the variance are left out */
 #define COLOURS 3
 
-/* The matrix A in blocks of columns: one block for each view of the BTF, and one for the MDF. */
+/* The matrix A of texel_features.h. It is processed in blocks of columns: one block for each view
+ * of the BTF, and one for the MDF. */
 struct columns {
     const struct btf_matrix *btf;
     int n_texels, n_views, a_view; /* a_view: number of columns of a view */
-    /* n_texels × n_depths, scaled, means removed; NULL if there are none */
+    /* n_texels × n_depths: depths, scaled, without their means; NULL if there is no MDF */
     float *depths;
     int n_depths;
     float *means;  /* n_views × a_view: means of the columns */
@@ -55,8 +56,8 @@ static void columns_clear(struct columns *c) {
     g_mutex_clear(&c->lock);
 }
 
-/* Gives the rows first … first + n − 1 of a view's columns, without their means: n × a_view in
- * ret. */
+/* Gives the rows first … first + n − 1 of a view's columns, without the means of the columns: n ×
+ * a_view in ret. */
 static gboolean columns_rows(struct columns *c, int view, int first, int n, float *buffer,
                              float *ret) {
     gsize stride = 0;
@@ -78,7 +79,8 @@ static gboolean columns_rows(struct columns *c, int view, int first, int n, floa
     return TRUE;
 }
 
-/* Computes the means of a view's columns, and the sum of squares without these means. */
+/* Computes the means of a view's columns, and the sum of the squares of the columns without these
+ * means. */
 static void columns_mean(int view, gpointer data) {
     struct columns *c = data;
     const gsize wide = (gsize)c->a_view;
@@ -141,9 +143,9 @@ static void columns_transposed(int block, gpointer data) {
     }
 }
 
-/* Subtracts the mean of each view from the depths, and scales them relative to the BTF, whose sum
- * of squares is squares. Returns the sum of squares of the scaled depths. If either sum is 0,
- * returns 0, and there are no depths. */
+/* Subtracts the mean of each view from the depths, and scales the depths relative to the BTF.
+ * squares is the sum of squares of the BTF. Returns the sum of squares of the scaled depths. If one
+ * of the two sums is 0, returns 0, and the depths are not used. */
 static double columns_take_depths(struct columns *c, const struct mdf_table *mdf, double squares) {
     const gsize n = (gsize)c->n_texels;
     double sum = 0;
@@ -184,7 +186,7 @@ static void columns_orthogonalise(float *matrix, int rows) {
     LAPACKE_sorgqr(LAPACK_ROW_MAJOR, rows, WIDE, WIDE, matrix, WIDE, tau);
 }
 
-/* With Q in y and AᵀQ in omega, computes the components U Σ of QᵀA. */
+/* Computes the components U Σ of QᵀA. On input, y has Q, and omega has AᵀQ. */
 static struct texel_features *columns_components(const struct columns *c, gsize n_columns,
                                                  double squares) {
     double gram[WIDE * WIDE] = {0}, values[WIDE];

@@ -25,16 +25,18 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TexelFeatures, texel_features_free)
 /* Computes the principal components of A, which has one row per texel. Its columns are all columns
  * of the BTF, and all columns of the MDF (NULL if there is none) multiplied by s. s² is chosen so
  * that the share of the relief in the variance is min (1, var (depth) / texel²) times the share of
- * the BTF. The reason is that a relief whose depths vary by less than a texel moves no point by a
- * texel.
+ * the BTF. The share is smaller for a flat relief, because a relief whose depths vary by less than
+ * a texel moves no point by a texel.
  *
  * A is not held in memory. Y = A Ω is computed for a random matrix of signs Ω, then Q of Y = QR.
  * One step of subspace iteration follows, and then the components of QᵀA (Halko, Martinsson and
  * Tropp 2011, algorithms 4.4 and 5.1). Components with less than a thousandth of the variance are
  * left out. The result does not depend on the number of threads. The progress stage is
- * "components". The error is DATA_ERROR_INVALID if the MDF has another number of texels than the
- * BTF, or if the sample has fewer than 20 texels. Fails also if the scratch file of the BTF cannot
- * be read, or if cancelled. */
+ * "components".
+ *
+ * The error is DATA_ERROR_INVALID if the MDF has another number of texels than the BTF, or if the
+ * sample has fewer than 20 texels. Fails also if the scratch file of the BTF cannot be read, or if
+ * cancelled. */
 struct texel_features *texel_features_compute(const struct btf_matrix *btf,
                                               const struct mdf_table *mdf, const struct work *work,
                                               GError **error);

@@ -8,11 +8,12 @@
 #define MEANS_STEPS 12
 #define REACH       2 /* extent of a neighbourhood in each direction */
 #define SIDE        (2 * REACH + 1)
-/* number of further candidates for each candidate: texels with the most similar neighbourhoods */
+/* For each candidate, this number of texels with the most similar neighbourhoods are also
+ * candidates. */
 #define SIMILAR 4
-/* number of textons that are searched for similar texels, in addition to the texel's own */
+/* similar texels are searched in the texel's own texton, and in this number of other textons */
 #define COUSINS 3
-#define PASSES  3 /* number of passes over a level that is complete */
+#define PASSES  3 /* number of passes over a level whose places are all filled */
 #define LEVELS  4 /* maximum number of levels */
 /* minimum size of the sample at the coarsest level, in texels in each dimension */
 #define COARSEST 12
@@ -20,14 +21,15 @@
 
 struct texton_level {
     const struct texel_features *sample;
-    int step; /* side of a place in texels of the sample, 2^level */
+    int step; /* side in texels of a place (struct texton_picture): 2^level */
     int n_textons;
     guint16 *textons; /* texton of each texel of the sample */
     float *squares;   /* n_textons × n_textons: squared distances of the centres */
-    float outside;    /* the cost of a neighbour outside of the sample */
+    float outside;    /* cost if a neighbour lies outside of the sample */
     /* number of columns and rows of the sample at which squares of step × step may begin */
     int columns, rows;
-    int *similar; /* indices of SIMILAR texels for each texel; −1 if there are fewer */
+    /* for each texel, the indices of the SIMILAR most similar texels; −1 if there are fewer */
+    int *similar;
 };
 
 /* The picture during its synthesis, divided into places of step × step texels. */
@@ -120,8 +122,8 @@ static float texton_square(const struct texton_level *level, int x, int y, int o
     return level->squares[a * (gsize)level->n_textons + b];
 }
 
-/* Returns the difference between two neighbourhoods of the sample. Stops adding when the difference
- * has reached `most`. */
+/* Returns the difference between two neighbourhoods of the sample. Returns early, with a value of
+ * at least `most`, when the sum has reached `most`. */
 static float texton_unlike(const struct texton_level *level, const int a[2], const int b[2],
                            float most) {
     float sum = 0;
@@ -137,8 +139,8 @@ static float texton_unlike(const struct texton_level *level, const int a[2], con
     return sum;
 }
 
-/* Inserts a texel into the list of the SIMILAR texels with the smallest differences, if its
- * difference is small enough. */
+/* Inserts the texel index into the list of the SIMILAR texels with the smallest differences, if its
+ * difference unlike is among these. */
 static void texton_insert(int *similar, float *least, int index, float unlike) {
     int at = SIMILAR;
     for (; at > 0 && unlike < least[at - 1]; at--)
@@ -154,9 +156,10 @@ static void texton_insert(int *similar, float *least, int index, float unlike) {
 
 struct texton_search {
     const struct texton_level *level;
-    const int *members;  /* indices of texels in order of their texton */
-    const int *starts;   /* n_textons + 1: index in members at which each texton begins */
-    const guint16 *near; /* for each texton its n_near nearest ones, beginning with itself */
+    const int *members; /* indices of texels in order of their texton */
+    /* for each texton, the index in members at which it begins; n_textons + 1 values */
+    const int *starts;
+    const guint16 *near; /* for each texton, its n_near nearest textons, beginning with itself */
     int n_near;          /* COUSINS + 1, or n_textons if that is less */
 };
 
@@ -284,7 +287,7 @@ static gboolean texton_passes(const struct texton_level *level, struct texton_pi
     return TRUE;
 }
 
-/* Splits each place into four places, which together show what the place showed. */
+/* Splits each place into four places, which together show the same texels as before. */
 static void texton_refine(struct texton_picture *picture, int step) {
     const int width = 2 * picture->width, height = 2 * picture->height;
     int *at = g_new(int, 2 * (gsize)width * (gsize)height);

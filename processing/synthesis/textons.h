@@ -14,7 +14,7 @@
 
 /* Fills level 0 of the map. The map and the features must have the same sample. The search for
  * similar texels uses the threads of work; the filling runs in one thread. The result depends only
- * on the seed and the features. Returns FALSE with an error when cancelled. The progress stage is
- * "textons", twice for each level: the search for similar texels, then the filling. */
+ * on the seed and the features. Returns FALSE with an error when cancelled. The progress stage
+ * "textons" occurs twice for each level: for the search for similar texels, and for the filling. */
 gboolean textons_synthesize(const struct texel_features *features, guint32 seed,
                             const struct work *work, struct index_map *map, GError **error);

@@ -7,24 +7,25 @@
 
 #define SPARE        1.1F
 #define SPARE_INSIDE 0.01F /* tolerated mismatch, relative to inside() */
-#define OVERLAP      4     /* minimum ratio of a side to the width of its overlap */
-#define LEAST        3     /* minimum number of texels of an overlap */
+/* a side of the sample is at least this many times as wide as its overlap */
+#define OVERLAP 4
+#define LEAST   3 /* minimum number of texels of an overlap */
 
-/* Texels of the sample in rows along the seam. The texel at (along, across) is places[2 (across ×
- * length + along)]. */
+/* The texels of the sample, in rows along the seam. places[2 (across × length + along)] and the
+ * following number are the column and row of the texel at (along, across). */
 struct tileable {
     const struct texel_features *features;
     const guint16 *places;
-    /* length: number of texels along the seam; across: number of texels across the seam, from which
-     * the period is cut */
+    /* length: number of texels along the seam
+     * across: number of texels across the seam; the period is a part of these */
     int length, across;
     gboolean cyclic;
 };
 
 struct tileable_cut {
     int period, overlap;
-    /* length values of 1 … overlap − 1: number of columns of the overlap that show the end of the
-     * sample */
+    /* for each of the length texels along the seam, the number of columns of the overlap that show
+     * the end of the sample: 1 … overlap − 1 */
     int *path;
 };
 
@@ -41,15 +42,15 @@ static float square(const struct tileable *t, int across, int along, int other_a
                                  texel_features_at(t->features, b[0], b[1]), t->features->n);
 }
 
-/* Returns the mean squared distance between both pictures in the two columns next to a cut before
- * column c. */
+/* The sample and its copy one period later are two pictures that overlap. Returns the mean squared
+ * distance between the two pictures in the two columns next to a cut before column c. */
 static float mismatch(const struct tileable *t, int period, int c, int along) {
     return 0.5F * (square(t, c - 1 + period, along, c - 1, along) +
                    square(t, c + period, along, c, along));
 }
 
-/* Returns the cost of a cut before column c. The picture that begins one period later then ends at
- * c − 1. */
+/* Returns the cost of a cut before column c. Before the cut, the end of the sample is shown, and
+ * after it, the beginning. */
 static float cut_cost(const struct tileable *t, int period, int c, int along) {
     return square(t, c - 1 + period, along, c, along) + mismatch(t, period, c, along);
 }
@@ -77,8 +78,8 @@ static float cut_at(const struct tileable *t, int period, int overlap, int *ret_
     return sum / (float)t->length;
 }
 
-/* Returns the mean squared distance of the features of two texels that are neighbours across the
- * direction of the seam, anywhere in the sample. */
+/* Returns the mean squared distance of the features of texels that are neighbours across the seam's
+ * direction. The mean is over the whole sample. */
 static float inside(const struct tileable *t) {
     double sum = 0;
     for (int across = 0; across + 1 < t->across; across++)
@@ -107,7 +108,7 @@ static struct tileable_cut choose(const struct tileable *t) {
     return cut;
 }
 
-/* Returns one period: cut->period × length places, in the order of t. g_free() */
+/* Returns one period of places: cut->period × length, in the order of t->places; g_free(). */
 static guint16 *lay(const struct tileable *t, const struct tileable_cut *cut) {
     guint16 *to = g_new0(guint16, 2 * (gsize)cut->period * (gsize)t->length);
     for (int across = 0; across < cut->period; across++)
@@ -131,8 +132,8 @@ struct index_map *tileable_make(const struct texel_features *features) {
     const struct tileable sides = {features, all, (int)height, (int)width, FALSE};
     const struct tileable_cut down = choose(&sides);
     g_autofree guint16 *cut_down = lay(&sides, &down);
-    /* Upper and lower edges: the seam runs along the rows of what is left, and its two ends meet,
-     * because the left and right edges now join. */
+    /* Upper and lower edges: the seam runs along the rows of the part that was cut out above. The
+     * two ends of the seam meet, because the left and right edges now join. */
     g_autofree guint16 *rows = g_new0(guint16, 2 * (gsize)down.period * height);
     for (gsize x = 0; x < (gsize)down.period; x++)
         for (gsize y = 0; y < height; y++)

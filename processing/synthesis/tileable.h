@@ -1,16 +1,18 @@
-/* A part of a sample that can be repeated. Its right edge is laid over its left edge, and its lower
- * edge over its upper edge. Both overlaps are cut along the path of least error (Efros and Freeman
- * 2001); the second path is closed. Errors are distances of features (texel_features.h), so that
- * the same path is cut for all views and lights and the MDF. */
+/* Makes a part of a sample that can be repeated. The right edge of the sample is laid over its left
+ * edge, and its lower edge over its upper edge. Both overlaps are cut along the path of least error
+ * (Efros and Freeman 2001); the second path is closed. Errors are distances of features
+ * (texel_features.h), so that the same path is cut for all views and lights and the MDF. */
 #pragma once
 
 #include "index_map.h"
 #include "texel_features.h"
 
 /* Makes the part, and chooses its period in each dimension. A period is at least half of the
- * sample. The function chooses the longest period at whose cut the two pictures differ by at most
- * 1.1 times the minimum over all periods plus a hundredth of the neighbours' mean square distance.
- * If the material itself has a period, the chosen period is a multiple of the material's period.
+ * sample. If the material itself has a period, the chosen period is a multiple of it.
+ *
+ * The function chooses the longest period whose cut is good enough. The mean difference of the two
+ * pictures at the cut must be at most 1.1 times the minimum over all periods, plus a hundredth of
+ * the mean square distance of neighbouring texels.
  *
  * The cost of a cut between two columns is its visible effect: the step between the two texels that
  * become neighbours, plus half of the difference of both overlapping pictures there (Kwatra et al.
