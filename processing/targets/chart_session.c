@@ -1,5 +1,5 @@
-/* Reflectance of chart patches in the geometry 45°:0°. For each patch it is Σ values / Σ cos θ_l
- * over its texels and the lights near 45°, in the view nearest to the normal. */
+/* Reflectance of chart patches in the geometry 45°:0°. The reflectance of a patch is Σ values / Σ
+ * cos θ_l over its texels and over the lights near 45°, in the view nearest to the normal. */
 #include "chart_session.h"
 
 #include <math.h>
@@ -9,8 +9,8 @@
 #include "base/text_table.h"
 #include "btf/btf.h"
 
-/* Lights are used if their deviation from 45° exceeds the smallest deviation of a light by less
- * than this. */
+/* A light is used if its θ is at most NEAR_DEG farther from 45° than that of the light nearest to
+ * 45°. */
 #define NEAR_DEG     2.0
 #define FARTHEST_DEG 20.0 /* maximum deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0
@@ -63,8 +63,7 @@ static double off_45(const struct session_direction *light) {
     return fabs(light->theta_deg - CHART_DEG);
 }
 
-/* Loads the view nearest to the normal, under all lights that are nearly as close to 45° as the
- * closest one. */
+/* Loads the view nearest to the normal, under all lights that are used (NEAR_DEG). */
 static gboolean load(struct chart *chart, Session *session, GError **error) {
     g_autofree char *text = session_text(session, "calibration.conf", error);
     const struct session_direction *view = NULL;
@@ -108,9 +107,9 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
                          &chart->grid, 0, chart->rgb, error);
 }
 
-/* Sets ret->rgb to the reflectance of a patch: the sum of the values divided by the sum of cos θ_l,
- * the values of a perfect white. Both sums are over the texels within the patch's disc and over the
- * lights. Copies xyz of the field. Returns FALSE if the disc contains no texel. */
+/* Sets ret->rgb to the reflectance of a patch: the sum of the values divided by the sum of cos θ_l.
+ * (A perfect white has the values cos θ_l.) Both sums are over the texels within the patch's disc
+ * and over the lights. Copies xyz of the field. Returns FALSE if the disc contains no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;

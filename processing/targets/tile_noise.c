@@ -80,8 +80,8 @@ static gboolean read_pairs(const char *folder, const struct rig_camera *camera, 
     return TRUE;
 }
 
-/* Finds the pairs of exposures of camera c in the brightest shot of a kind. ret->n is 0 if no shot
- * of this kind has kept exposures. */
+/* Finds the pairs of exposures of camera c in the brightest shot of a kind that has kept exposures.
+ * ret->n is 0 if there is no such shot. */
 static gboolean find_pairs(Session *session, const GPtrArray *shots, enum session_shot_kind kind,
                            int c, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
@@ -114,7 +114,7 @@ static gboolean find_pairs(Session *session, const GPtrArray *shots, enum sessio
     return TRUE;
 }
 
-/* Skips cameras without pairs in the dark or under a lamp. */
+/* a camera without pairs in the dark or under a lamp is left out */
 gboolean tile_noise(Session *session, struct calibration *calibration, const GPtrArray *shots,
                     int *ret_n, GError **error) {
     gboolean ok = TRUE;

@@ -5,8 +5,8 @@
 #include "session/session.h"
 
 /* Sets the noise in the calibration for each camera of which the session has kept pairs of
- * exposures both in the dark and under a lamp. If several shots have kept pairs, those of the
- * brightest shot are used. *ret_n is the number of these cameras. Cameras without such pairs are
- * left out. Fails if pairs cannot be used. */
+ * exposures both in the dark and under a lamp. Other cameras are left out. *ret_n receives the
+ * number of cameras whose noise was set. If several shots have kept pairs, those of the brightest
+ * shot are used. Fails if pairs cannot be used. */
 gboolean tile_noise(Session *session, struct calibration *calibration, const GPtrArray *shots,
                     int *ret_n, GError **error);

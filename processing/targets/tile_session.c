@@ -1,5 +1,5 @@
-/* Processes the frames in three passes. The tile determines the radiometry of cameras and lamps.
- * The dark surroundings of the tile determine the veiling glare. Then the fiducials next to the
+/* Processes the frames in three steps. First, the tile gives the radiometry of cameras and lamps.
+ * Then the dark surroundings of the tile give the veiling glare. Finally, the fiducials next to the
  * tile are calibrated with this radiometry. */
 #include "tile_session.h"
 
@@ -13,20 +13,22 @@
 
 /* maximum reflectance of a fiducial; above 1, because the measured level and colour have errors */
 #define MAX_WHITE 1.1
-/* an aim that deviates so much from the nominal aim is doubted */
+/* an aim that deviates from the nominal aim by more than this is doubted */
 #define ASIDE_RAD (8 * G_PI / 180)
-/* two lamps count as exchanged if exchanging them reduces the deviation of the aims by this
- * factor */
+/* Two lamps count as exchanged if the deviation of the aims is smaller by at least this factor when
+ * the lamps are exchanged. */
 #define ASIDE_LESS 4.0
 /* error of the model of tiles, lamps and lenses, relative to the signal */
 #define MODEL_ERROR 5e-4
-/* if there are more lamps, only neighbours are tested for an exchange */
+/* If there are more lamps than this, only neighbouring lamps are tested for an exchange. */
 #define MAX_PAIRED 16
 
 /* A frame that was captured under a lamp. */
 struct lit_frame {
     struct input input;
-    int camera, shot; /* camera: index in the rig; shot: index into tile_shots */
+    /* camera: index of the camera in the rig
+     * shot: index into tile_shots */
+    int camera, shot;
 };
 
 struct run {
@@ -147,8 +149,8 @@ static double light_at(const struct rig *rig, int lamp, double arc_rad, struct v
     return MAX(path.z / vec3_length(path), 1e-3) * rig_lamp_irradiance(&rig->arc, l, arc_rad, p);
 }
 
-/* A fit. aside_rad and most_aside_rad are the RMS over the shots and the maximum of the angles
- * between the lamps' fitted aims and the aims in the rig file. */
+/* A fit. The lamps' fitted aims differ by angles from the aims in the rig file. aside_rad is the
+ * RMS of these angles over the shots, and most_aside_rad is their maximum. */
 struct light_fit {
     double residual, aside_rad, most_aside_rad;
 };
@@ -167,9 +169,10 @@ static void light_fit_set(const struct run *run, const struct rig *found, double
     ret->aside_rad = sqrt(sum / MAX(run->tile_shots->len, 1));
 }
 
-/* Fits under the assumption that the lamp recorded as i was in truth lamps[i], and that the arc
- * stood at `arc` times the recorded angles. Cells are small, so that the expected value of a cell
- * changes like the light at its centre. Returns FALSE if the fit fails. */
+/* Fits under two assumptions: the lamp recorded as i was in truth lamps[i], and the arc stood at
+ * `arc` times the recorded angles. The expected value of a cell is changed in proportion to the
+ * light at its centre; this is sufficient because cells are small. Returns FALSE if the fit
+ * fails. */
 static gboolean try_light(const struct run *run, const int *lamps, double arc,
                           struct light_fit *ret) {
     const guint n_shots = run->tile_shots->len, n_cells = run->cells->len;
@@ -196,9 +199,10 @@ static gboolean try_light(const struct run *run, const int *lamps, double arc,
     return TRUE;
 }
 
-/* Checks whether two lamps are exchanged. Their light then falls on the tile from another side, and
- * a fit finds lamps that point elsewhere. `is` is the fit with the recorded lamps, or NULL if that
- * fit failed. Returns FALSE with an error that names the exchanged lamps, otherwise TRUE. */
+/* Checks whether two lamps are exchanged. The light of an exchanged lamp falls on the tile from
+ * another side than recorded, and a fit finds lamps that point elsewhere. `is` is the fit with the
+ * recorded lamps, or NULL if that fit failed. Returns FALSE with an error that names the exchanged
+ * lamps, or TRUE if none are found. */
 static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
     const struct rig *rig = &run->calibration->rig;
     const int n = rig->n_lamps;
@@ -241,8 +245,9 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     return FALSE;
 }
 
-/* Tries to undo one mistake in lamps or angles at a time. If the tile's pictures fit then, sets the
- * error that describes the mistake. */
+/* Looks for a mistake in the lamps or angles that explains the misfit. The mistakes are tried one
+ * at a time. If the tile's pictures fit after a mistake is corrected, sets the error that describes
+ * it. */
 static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
@@ -263,7 +268,7 @@ static void find_mistake(struct run *run, GError **error) {
     struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
     const gsize n = run->tile_shots->len;
     g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);
-    double measured = 1; /* the turntable's angles are multiplied by this factor */
+    double measured = 1; /* factor by which the turntable's angles are multiplied at present */
     struct light_fit fit;
     int lamps[RIG_MAX_LAMPS];
     for (int l = 0; l < RIG_MAX_LAMPS; l++)
@@ -292,9 +297,9 @@ static void find_mistake(struct run *run, GError **error) {
     }
 }
 
-/* Finds the veiling glare of each camera with the radiometry in run->fit and the rig of that fit,
- * subtracts the glare from the cells' signals, and fits again. found is the rig of the first fit on
- * input, and the rig of the new fit on output. */
+/* Finds the veiling glare of each camera, subtracts the glare from the cells' signals, and fits
+ * again. The glare is found with the radiometry in run->fit and the rig of that fit. found is the
+ * rig of the first fit on input, and the rig of the new fit on output. */
 static gboolean correct_glare(struct run *run, struct rig *found, GError **error) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
     g_autoptr(GArray) cells = g_array_new(FALSE, FALSE, sizeof(struct glare_cell));
@@ -400,8 +405,8 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     fiducials_measure(&scene, cfa, mosaic, seen);
-    /* divide each signal by the lamp's output in its shot, so that only the fiducial's white is
-     * left */
+    /* The signals are divided by the lamp's output in their shots, so that only the fiducial's
+     * white is left. */
     for (guint k = first; k < seen->len; k++) {
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];
