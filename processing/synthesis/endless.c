@@ -9,8 +9,8 @@
 /* weight of even coverage in endless_cost(); the weight of the pictures is 1 */
 #define EVENLY 0.1
 #define TRIES  24 /* number of positions of a centre that are tried */
-#define SWEEPS 3  /* number of rounds in which each centre is placed again, after all were placed  \
-                   */
+/* number of rounds in which each centre is placed again, after all were placed */
+#define SWEEPS 3
 /* Centres are drawn from a range that is larger than the allowed one by this factor, and then
  * clamped, so that some centres are at the ends of the allowed range. */
 #define SPREAD 1.3

@@ -18,8 +18,8 @@ static gint64 output_bytes(const struct webgl_export *asked, const struct webgl_
     return is_page(asked->output) ? webgl_page_bytes(bytes) : bytes;
 }
 
-/* Returns n of the finest grid with which the output fits into the size, even if its sections do
- * not compress at all. If the local PCA is already on a grid, tries only this grid. Returns 0 with
+/* Returns n of the finest grid with which the output fits into the size even if its sections do not
+ * compress at all. If the local PCA is already on a grid, only this grid is tried. Returns 0 with
  * an error if no grid fits. */
 static int grid(const struct webgl_export *asked, const struct webgl_pack *pack, GError **error) {
     const int own = pack->levels[0]->n_grid;

@@ -24,8 +24,9 @@ struct webgl_export_result {
 
 /* Exports with the finest grid of directions (n × n, n at most 16) with which the output is certain
  * to have at most `size` bytes. The error is DATA_ERROR_INVALID if not even the coarsest grid fits.
- * Replaces an existing output. Before the call, callers check a name that a user gave
- * (base/output_file.h). The output appears complete or not at all. Progress stages are those of
- * webgl_source.h and webgl_pack.h. */
+ * Progress stages are those of webgl_source.h and webgl_pack.h.
+ *
+ * An existing output is replaced. Callers must check a name that a user gave before the call
+ * (base/output_file.h). The output appears complete or not at all. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

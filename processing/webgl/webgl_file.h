@@ -17,12 +17,12 @@ WebglFile *webgl_file_new(void);
 void webgl_file_free(WebglFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 
-/* Compresses size bytes of data and adds them as a section at the end. All compressed sections
- * together must have less than 4 GiB, otherwise the program ends. */
+/* Compresses size bytes of data and appends them as a section. All compressed sections together
+ * must have less than 4 GiB; otherwise the program is aborted. */
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* Returns the whole file. Call it once, after all sections are added. info is a dictionary
- * with string keys, which becomes the header with "sections" added. If info is floating, the
- * function takes the reference. g_bytes_unref() */
+/* Returns the whole file; g_bytes_unref(). Call it once, after all sections are added. info is a
+ * dictionary with string keys. It becomes the header, together with "sections". If info is
+ * floating, the function takes the reference. */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

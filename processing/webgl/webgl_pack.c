@@ -10,8 +10,8 @@
 #include "exr/exr_half.h"
 #include "webgl_neural.h"
 
-/* Over all mip levels: the sum of the clusters, the maximum number of components, and the sum of
- * the texels. */
+/* Numbers over all mip levels: the sum of the clusters, the maximum number of components, and the
+ * sum of the texels. */
 struct totals {
     int clusters, components;
     gsize texels;
@@ -115,7 +115,9 @@ struct volumes {
     gsize components, block;
     guint16 *means;
     gint8 *brdfs;
-    float *scales, *values; /* scales: clusters × components; values: buffer for one block */
+    /* scales: clusters × components
+     * values: buffer for one block */
+    float *scales, *values;
 };
 
 /* Converts the tables of one cluster of a level, and stores them as cluster `at` of all levels. */

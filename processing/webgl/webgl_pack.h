@@ -50,7 +50,8 @@ struct webgl_pack {
     int n_levels;
     const struct mdf_shell *shell; /* NULL if there is no MDF */
     const struct mdf_table *views; /* measured views of the MDF; NULL if there is no MDF */
-    /* NULL, or the neural planes that are packed instead of the levels, which are not read */
+    /* Neural planes, or NULL. If there are neural planes, they are packed instead of the levels,
+     * which are not read. */
     const struct neural *neural;
 };
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define PAGE "/org/mesorig/webgl/page.html"
-/* number of bytes between two steps of the page's progress; a multiple of 3 */
+/* bytes of the material in one step of the page's progress; a multiple of 3 */
 #define CHUNK (3 << 17)
 #define TITLE "<!--TITLE-->"
 /* occurs once in the page, after the elements that show the progress */
@@ -32,8 +32,9 @@ gint64 webgl_page_bytes(gint64 material) {
            chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
 }
 
-/* Appends the material. Each piece of its data is a separate script. The browser runs a script
- * while it still reads the next one, so that the page can show its progress. */
+/* Appends the material. Its data are divided into pieces, and each piece is a separate script. The
+ * browser runs a script while it still reads the next one, so that the page can show its
+ * progress. */
 static void append_data(GString *page, GBytes *material) {
     gsize size;
     const guint8 *data = g_bytes_get_data(material, &size);

@@ -4,9 +4,9 @@
 
 #include <glib.h>
 
-/* Returns the maximum number of bytes of a page with a material file of `material` bytes and a
- * title of up to 1000 bytes, as escaped in HTML. */
+/* Returns the maximum number of bytes of a page. `material` is the number of bytes of the material
+ * file. The title may have up to 1000 bytes after it is escaped for HTML. */
 gint64 webgl_page_bytes(gint64 material);
 
-/* Returns the page. name is its title, which is escaped here. g_bytes_unref() */
+/* Returns the page; g_bytes_unref(). name is the title of the page, which the function escapes. */
 GBytes *webgl_page(const char *name, GBytes *material);

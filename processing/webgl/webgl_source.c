@@ -59,8 +59,8 @@ static gboolean convert(struct webgl_source *source, const char *path, const str
     return ok;
 }
 
-/* Replaces a packed local PCA, whose only cluster may have too many components for drawing, by a
- * local PCA of CLUSTERS clusters. */
+/* A packed local PCA has a single cluster, which may have too many components for drawing. Replaces
+ * it by a local PCA of CLUSTERS clusters. Does not change any other local PCA. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -90,7 +90,8 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
         source->neural = session_check_product(file, error) ? neural_read(file, error) : NULL;
         return source->neural != NULL;
     }
-    /* Logarithms cannot be interpolated in the same way as reflectances. */
+    /* A local PCA of logarithms is converted as well, because logarithms cannot be interpolated in
+     * the same way as reflectances. */
     if (g_strcmp0(kind, "lpca") != 0 || g_strcmp0(colours, "log") == 0)
         return convert(source, file, work, error);
     if (!session_check_product(file, error))
@@ -102,8 +103,8 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     return source->n_levels > 0;
 }
 
-/* Reads an MDF in any form. Takes its measured views, and makes the shell that mesorig-view draws.
- */
+/* Reads an MDF in any form. Keeps only its measured views, and makes the same shell as
+ * mesorig-view. */
 static gboolean read_mdf(struct webgl_source *source, const char *file, GError **error) {
     struct mdf_source *mdf = mdf_source_read(file, error);
     if (!mdf)

@@ -21,7 +21,7 @@ struct webgl_source {
 /* Opens a source. path is a file of any codec, or a session. The local PCA of a session is
  * products/lpca.exr; if this file does not exist, the BTF is compressed. mdf is the file of the
  * MDF; NULL means mdf.exr in the folder of the material, if there is one. Progress stages are those
- * of lpca.h and "read". Call webgl_source_clear() afterwards, also after an error. */
+ * of lpca.h and "read". Call webgl_source_clear() afterwards, even if the function fails. */
 gboolean webgl_source_open(struct webgl_source *source, const char *path, const char *mdf,
                            const struct work *work, GError **error);
 void webgl_source_clear(struct webgl_source *source);
