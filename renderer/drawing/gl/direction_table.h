@@ -15,6 +15,6 @@
  * the number of directions; see directions_pole(). */
 struct direction_textures direction_table_new(Directions *directions, gboolean fade);
 
-/* Sets ret_shares to the weights of the n directions in the mean that stands for the pole. All
+/* ret_shares receives the weights of the n directions in the mean that stands for the pole. All
  * weights are 0 if the pole was measured or the set is triangulated. */
 void direction_table_pole_shares(const Directions *directions, float *ret_shares, int n);

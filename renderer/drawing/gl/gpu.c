@@ -58,7 +58,8 @@ static EGLContext create_context(EGLDisplay display) {
 #ifdef GPU_DEBUG
 static void complain(GLenum source, GLenum type, GLuint id, GLenum severity, GLsizei length,
                      const GLchar *text, const void *data) {
-    /* gpu_compile() reports errors of shaders, with the names of their files. */
+    /* Errors of shaders are left out, because gpu_compile() reports them with the names of their
+     * files. */
     if (type == GL_DEBUG_TYPE_ERROR && source != GL_DEBUG_SOURCE_SHADER_COMPILER &&
         id != GL_OUT_OF_MEMORY)
         g_critical("OpenGL: %s", text);
@@ -75,7 +76,7 @@ void gpu_watch(void) {
 #endif
 }
 
-/* The library is not closed, because libepoxy opens it next. */
+/* The library stays open, because libepoxy opens it next. */
 gboolean gpu_find_library(gboolean window, GError **error) {
     if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)
@@ -165,8 +166,8 @@ static const char *find_shader(const char *name) {
     g_error("no shader “%s” was compiled in", name);
 }
 
-/* Compiles shaders as one text. By #line, the compiler's log has the number of the file and the
- * line in this file, such as "3:12". */
+/* Compiles shaders as one text. #line lines are inserted, so that the compiler's log gives the
+ * number of the file and the line in this file, such as "3:12". */
 static guint gpu_compile(GLenum kind, const char *version, const char *constants,
                          const char *const *names, int n, GError **error) {
     const char *sources[2 + 2 * MAX_SHADERS] = {version, constants};

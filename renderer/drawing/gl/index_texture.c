@@ -11,9 +11,9 @@ struct IndexTexture {
     int size[2], sample[2];
 };
 
-/* Lays the levels of the map out in one texture: level 0 at the top, and all other levels next to
- * each other below it. Sets t->corners. ret receives the width and height of the texture in texels.
- */
+/* Lays out the levels of the map in one texture: level 0 at the top, and below it all other levels,
+ * next to each other. Sets t->corners. ret receives the width and height of the texture in
+ * texels. */
 static void lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;

@@ -3,11 +3,11 @@
  * a point of the surface has up to four places in the sample. At each place, the material is
  * evaluated and its MDF is read as if the sample were repeated.
  *
- * Texture lookups use the derivatives of the point on the surface, so that the mip levels of the
- * sample fit. A texel of the map whose neighbours are also neighbours in the sample is filtered by
- * the sample's filter. Other texels are interpolated one by one. Where the surface is drawn small,
- * mip levels of the map are read. One texel of such a level stands for a block of texels of the
- * map.
+ * Texture lookups use the derivatives of the point on the surface, so that they read the right mip
+ * level of the sample. Where the neighbours of a texel of the map are also neighbours in the
+ * sample, the sample's own filter is used. Other texels are interpolated one by one. Where the
+ * surface is drawn small, mip levels of the map are read. One texel of such a level stands for a
+ * block of texels of the map.
  */
 #pragma once
 
@@ -25,7 +25,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexTexture, index_texture_free)
 
 gint64 index_texture_bytes(const IndexTexture *texture); /* GPU memory; 0 for NULL */
 
-/* Sets the texture and uniforms of a program in use. */
+/* Sets the texture and the uniforms of a program. The program must be in use. */
 void index_texture_bind(const IndexTexture *texture, guint program);
 
 /* Returns the number of tiles of the sample in each direction after which the map repeats. */

@@ -3,7 +3,7 @@
 #include <math.h>
 
 /* Returns the index after the last direction of the ring that starts at first. A ring consists of
- * successive directions. Their θ differs by less than 0.1° from the θ of the first direction. */
+ * successive directions whose θ differs by less than 0.1° from that of the first direction. */
 static int ring_end(const float *theta_deg, int n, int first) {
     int end = first + 1;
     while (end < n && fabsf(theta_deg[end] - theta_deg[first]) < 0.1f)

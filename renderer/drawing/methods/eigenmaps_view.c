@@ -83,9 +83,8 @@ static void refine(const float *from, int n, gsize step, float *to, gsize to_ste
 }
 
 /* Clamps the texels of a layer to the range of half floats, stores their mean, and uploads the
- * layer. If the view is refined, also uploads a level with twice the resolution of the material.
- * With this level, bilinear filtering is about as sharp as bicubic filtering, without more
- * fetches. */
+ * layer. If view->refined is TRUE, also uploads a level with twice the resolution of the material.
+ * Bilinear filtering of this level is about as sharp as bicubic filtering, without more fetches. */
 static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, int layer,
                       float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;
@@ -152,8 +151,8 @@ static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *map
     return TRUE;
 }
 
-/* Uploads the means of the layers as the mip level that has one texel. If a side is not a power of
- * two, drivers compute that texel from only a part of the texels. */
+/* Uploads the means of the layers as the mip level that has one texel. This is needed because
+ * drivers compute this texel from only a part of the texels if a side is not a power of two. */
 static void put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
     const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
@@ -188,8 +187,8 @@ static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, c
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     put_means(view, maps);
-    /* Software renderers take many times as long with anisotropic filtering. Supersampling gives
-     * the same quality there. */
+    /* Anisotropic filtering is not used with software renderers, because it takes them many times
+     * as long. Supersampling gives the same quality there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
     if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
         GLfloat most = 1.0f;

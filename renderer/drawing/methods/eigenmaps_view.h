@@ -21,8 +21,9 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error);
 void eigenmaps_view_free(EigenmapsView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(EigenmapsView, eigenmaps_view_free)
 
-/* For eigenmaps_volume.h. Returns FALSE with GPU_ERROR_FAILED if the eigen-maps are empty, or if a
- * weight is not finite, and with GPU_ERROR_TOO_LARGE if a texture has no room for the texels. */
+/* For eigenmaps_volume.h. Checks the eigen-maps. Returns FALSE with GPU_ERROR_FAILED if they are
+ * empty or if a weight is not finite. Returns FALSE with GPU_ERROR_TOO_LARGE if they have more
+ * texels than a texture of the card can have. */
 gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error);
 
 /* For eigenmaps_volume.h. Makes the texture of the weights W over the hemisphere, four terms per

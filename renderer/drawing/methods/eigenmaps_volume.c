@@ -125,7 +125,8 @@ static gpointer open_file(const char *path, GError **error) {
 
 static char *constants(gconstpointer material, const struct method_style *style) {
     (void)material;
-    /* With one level, the mean of the sample, which endless materials use, is not available. */
+    /* The mean of the sample, which endless materials use, is the smallest mip level. It is not
+     * available, because this texture has only one level. */
     return g_strdup_printf("#define N_LEVELS 1\n#define NEAREST %d\n", style->nearest);
 }
 

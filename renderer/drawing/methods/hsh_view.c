@@ -25,7 +25,7 @@ static void sky(gconstpointer model, gsize view, float *ret_layer) {
 }
 
 /* Sets the layers of a view. For every four terms there is one layer per colour. If one term is
- * left, a last layer has the R, G, B of this term. The index of a value of a texel is term ×
+ * left, an additional layer has the R, G, B of this term. The index of a value of a texel is term ×
  * COLOURS + colour. */
 static void set_pages(struct slices *slices, int n_terms) {
     const int whole = n_terms / PAGE;

@@ -39,8 +39,7 @@ static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobe
         }
 }
 
-/* Returns whether lobes can be mip level `number` of a material. first is level 0 of the
- * material. */
+/* Returns whether lobes can be mip level `number` of the material whose level 0 is first. */
 static gboolean lobes_view_belongs(const struct lobes *first, const struct lobes *lobes,
                                    int number) {
     return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&

@@ -13,14 +13,14 @@
 #define MEAN_MAX 65408.0f
 
 #define STEPS 127
-#define WORDS                                                                                      \
-    4 /* words per texel: the mean (unused except in the first texel of a sample), then R, G and B \
-         of four components */
+/* Words per texel: one for the mean, and three for R, G and B of four components. The mean is
+ * used only in the first texel of a sample. */
+#define WORDS 4
 
 struct LpcaGrid {
     struct lpca_texels texels;
-    /* The buffer, and the buffer texture that reads it. The buffer has the texels of the samples in
-     * the order cluster × view cell × (light cells, then the sky). */
+    /* buffer has the texels of the samples in the order cluster × view cell × (light cells, then
+     * the sky). brdfs is the buffer texture that reads buffer. */
     guint buffer, brdfs;
     int n; /* samples of the grid in each direction */
 };
@@ -34,7 +34,7 @@ static double texels_of(const struct lpca *lpca, int n) {
 }
 
 /* Returns the largest number of samples in each direction, from LEAST to MOST, that LPCA_GRID_BYTES
- * and the graphics card allow. Returns LEAST even if that is too many. */
+ * and the graphics card allow. If even LEAST samples are too many, returns LEAST. */
 static int fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
@@ -52,8 +52,8 @@ struct share {
 };
 
 /* Returns, for each cell of the grid, the measured directions from which the cell is mixed, as a
- * GArray of struct share. The mean of some directions stands for the pole. The weight of the pole
- * is divided among these directions. If fade is TRUE, the weights are multiplied by
+ * GArray of struct share. If the pole was not measured, the mean of some directions stands for it,
+ * and its weight is divided among these directions. If fade is TRUE, the weights are multiplied by
  * directions_fade(). */
 static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
@@ -89,12 +89,12 @@ static void mix(const float *values, gsize step, const GArray *shares, float ret
     }
 }
 
-/* The directions of a grid of n × n cells, for resample(). */
+/* The data of resample(). */
 struct resampling {
     const struct lpca *lpca;
     GPtrArray *views, *lights; /* the last element of lights is the sky */
-    /* Values resampled over the lights only: measured view × (n² light cells, then the sky) ×
-     * RGB. */
+    /* Values that are resampled over the lights, but not over the views: measured view × (n² light
+     * cells, then the sky) × RGB. */
     float *half;
 };
 

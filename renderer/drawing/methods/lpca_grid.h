@@ -28,9 +28,9 @@
 
 typedef struct LpcaGrid LpcaGrid; /* belongs to the thread of the GL context */
 
-/* Maximum size of the buffer of samples if the grid is chosen automatically. */
+/* Maximum number of bytes of the buffer of samples if the grid is chosen automatically. */
 #define LPCA_GRID_BYTES ((gsize)128 << 20)
-/* Makes the grid. levels is a local PCA and its n − 1 mip levels. n_grid is the number of samples
+/* Makes the view. levels is a local PCA and its n − 1 mip levels. n_grid is the number of samples
  * in each direction, from 2 to 1000. If n_grid is 0, the number is as large as LPCA_GRID_BYTES and
  * the graphics card allow, but at most 16. */
 LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error);

@@ -18,8 +18,8 @@
 struct LpcaRevised {
     struct lpca_texels texels;
     guint means, brdfs, view_map, light_map; /* textures of lpca_revised.glsl */
-    /* `n` is the number of samples of the grid in each direction. `n_columns` is the number of
-     * clusters in a row of a 3D texture. */
+    /* n: number of samples of the grid in each direction
+     * n_columns: number of clusters in a row of a 3D texture */
     int n, n_columns;
 };
 

@@ -23,12 +23,12 @@
 
 typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL context */
 
-/* Maximum size of the 3D textures if the grid is chosen automatically. */
+/* Maximum number of bytes of the 3D textures if the grid is chosen automatically. */
 #define LPCA_REVISED_BYTES ((gsize)128 << 20)
-/* Makes the view. levels is a local PCA and its n − 1 mip levels. Levels that are not on a grid yet
- * are resampled to n_grid samples in each direction (lpca_resample.h has the limits). If n_grid is
- * 0, the number is as large as LPCA_REVISED_BYTES allows, but at most 16. Copies everything that it
- * needs. */
+/* Makes the view. levels is a local PCA and its n − 1 mip levels. Copies everything that it needs.
+ * A level that is not on a grid yet is resampled to n_grid samples in each direction
+ * (lpca_resample.h has the limits). If n_grid is 0, the number is as large as LPCA_REVISED_BYTES
+ * allows, but at most 16. */
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_revised_free(LpcaRevised *revised); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaRevised, lpca_revised_free)

@@ -145,9 +145,9 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* A packed material of one cluster has too many components to be drawn. Clusters such a material
- * again, with the default numbers of “mesorig compress”. Does not change any other material. Frees
- * the material that is replaced. *lpca becomes NULL on error. */
+/* A packed material of one cluster has too many components to be drawn. Replaces it by a material
+ * that is clustered again, with the default numbers of “mesorig compress”, and frees the old one.
+ * Does not change any other material. *lpca becomes NULL on error. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -170,8 +170,9 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
-/* Uploads, for each texel, the clusters of the texel, of the texels in the next column and in the
- * next row, and of the texel in both. One fetch then reads four clusters. */
+/* Uploads four clusters for each texel: those of the texel itself, of the texel in the next column,
+ * of the texel in the next row, and of the texel in the next column and row. One fetch then reads
+ * all four. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;

@@ -11,15 +11,17 @@
  * the eigen-BRDFs of the clusters of all levels, one level after the other. */
 struct lpca_pyramid {
     struct lpca *lpca;
-    gboolean owned; /* `lpca` is a copy that must be freed, and not levels[0] */
+    gboolean owned; /* whether `lpca` is a copy that must be freed; otherwise it is levels[0] */
     int n_levels;
     const struct lpca *levels[LPCA_MAX_LEVELS]; /* borrowed */
     int first[LPCA_MAX_LEVELS];                 /* number of the first cluster of each level */
 };
 
-/* Initializes a pyramid. Checks that all values are finite and that the levels fit together: each
- * level has half the width and height of the level before, but at least 1, and all levels have the
- * same directions and together at most 65535 clusters. levels must live longer than the pyramid. */
+/* Initializes a pyramid. levels must live longer than the pyramid. Checks that all values are
+ * finite and that the levels fit together:
+ * - Each level has half the width and height of the level before, but at least 1 texel.
+ * - All levels have the same directions.
+ * - All levels together have at most 65535 clusters. */
 gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
@@ -31,14 +33,15 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
 /* Uploads n levels to the card, and does not keep them. Returns a method's material, or NULL on
  * error. */
 typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
-/* Implements a method's function open(): reads all levels of a file, and returns the result of
- * make. */
+/* Implements a method's function open(): reads all levels of a file, calls make with them, and
+ * returns its result. */
 gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
 struct lpca_texels {
     int width, height; /* of level 0 */
     int n_components, n_levels;
-    /* the values are logarithms, so that texels are evaluated before they are mixed */
+    /* whether the values are logarithms, so that each texel must be evaluated before texels are
+     * mixed */
     gboolean log;
     guint weights, clusters; /* textures of lpca_texel.glsl */
 };
@@ -66,8 +69,8 @@ struct lpca_stack {
     int clusters_a_layer, n_layers;
 };
 
-/* Computes the layout. Fails if the card cannot hold the tables. The error then ends with advice,
- * which says what the user can do. */
+/* Computes the layout. Fails if the card cannot hold the tables. advice is appended to the error,
+ * and says what the user can do. */
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
                          const char *advice, GError **error);
 /* Returns a new texture of half floats with this layout, or 0 on error. */

@@ -27,22 +27,28 @@ struct method_style {
 };
 
 struct method {
-    const char *name;       /* value of --method */
-    const char *title;      /* name for users */
-    const char *product;    /* file in products/ of a session; NULL if the method needs no file */
-    const char *made_by;    /* command that makes the file; NULL if it needs no file */
-    gboolean takes_normals; /* a normal map (normal_map.h) may replace the method's normals */
+    const char *name;    /* value of --method */
+    const char *title;   /* name for users */
+    const char *product; /* file in products/ of a session; NULL if the method needs no file */
+    const char *made_by; /* command that makes the file; NULL if the method needs no file */
+    /* whether a normal map (normal_map.h) may replace the method's normals */
+    gboolean takes_normals;
     /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. directions.glsl comes
      * before them. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * x are texel coordinates (in tiles, y along the texture's rows downwards). v and l are unit
      * vectors in the texture's frame (+y upwards). The result is lit × the reflectance under the
      * light l, plus the uniform float ambient × the reflectance under an even sky. lit is 0 in a
-     * shadow and 1 elsewhere. Textures of texels are read by PLACE_TEXTURE(sampler, x) or
-     * texelFetch(). Tables are read by textureLod(). texture(), dFdx() and dFdy() are not allowed,
-     * because the next pixel may show another part of the sample (places.glsl). A method whose work
-     * for the directions is the same for all texels also defines BTF_PREPARED and the two halves of
-     * btf(): void btf_prepare(vec3 v, vec3 l, float lit) and vec3 btf_texel(vec2 x). */
+     * shadow and 1 elsewhere.
+     *
+     * Textures of texels are read by PLACE_TEXTURE(sampler, x) or texelFetch(). Tables are read by
+     * textureLod(). texture(), dFdx() and dFdy() are not allowed, because the next pixel may show
+     * another part of the sample (places.glsl).
+     *
+     * If the work of a method for the directions is the same for all texels, the files also define
+     * BTF_PREPARED and the two halves of btf():
+     *   void btf_prepare(vec3 v, vec3 l, float lit)
+     *   vec3 btf_texel(vec2 x) */
     const char *const *shaders;
     /* The following functions belong to the thread of the GL context. open() reads a file and
      * uploads it to the card. For a method without a material file, path names a normal map, or is
@@ -56,7 +62,7 @@ struct method {
     /* Computes the numbers of columns and rows of the sample. Returns TRUE. The function pointer is
      * NULL for a method without a material file. */
     gboolean (*texels)(gconstpointer material, int ret[2]);
-    /* Sets textures and uniforms of a program in use that has the shaders. */
+    /* Sets textures and uniforms of a program that has the shaders. The program must be in use. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };
 
@@ -66,5 +72,5 @@ extern const char *const method_rotation_names[METHOD_ROTATIONS]; /* values of -
  * "lights". */
 Directions *method_directions(const struct direction_list *list, const char *what,
                               gboolean triangulated, GError **error);
-/* For methods: checks that a texture has room for the texels. */
+/* For methods: checks that a texture of the card can have this number of texels. */
 gboolean method_check_size(const struct btf_layout *layout, GError **error);

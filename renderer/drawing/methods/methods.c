@@ -68,8 +68,8 @@ char *method_path(const struct method *method, const char *argument) {
     return g_strdup(argument);
 }
 
-/* Sets an error and returns TRUE if the file names its kind (mesorig.kind) and no method draws that
- * kind. */
+/* If the file names its kind (mesorig.kind) and no method draws this kind, sets an error and
+ * returns TRUE. */
 static gboolean refuse_kind(const char *path, GError **error) {
     g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
     const char *kind = NULL;

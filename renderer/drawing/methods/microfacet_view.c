@@ -7,9 +7,11 @@
 #include <math.h>
 
 #define SIZE 256 /* width and height of the normal map, for one tile */
-/* YARNS: number of yarns per tile in each direction. ACROSS: largest slope of a yarn across the
- * yarn. ALONG: largest slope along the yarn. BUMP_RADIUS: radius of a boss, in widths of its cell.
- * BUMP_SLOPE: largest slope of a boss. */
+/* YARNS        number of yarns per tile in each direction
+ * ACROSS       largest slope of a yarn across the yarn
+ * ALONG        largest slope of a yarn along the yarn
+ * BUMP_RADIUS  radius of a boss (a round bump), in widths of its cell
+ * BUMP_SLOPE   largest slope of a boss */
 #define YARNS       16
 #define ACROSS      0.8F
 #define ALONG       0.45F
@@ -17,9 +19,10 @@
 #define BUMP_RADIUS 0.36
 #define BUMP_SLOPE  0.75
 
-/* The parameters of the surfaces. For fabric, diffuse is the colour of the warp, and rough belongs
- * to the weft. The yarns of the weft run along U. For a yarn of the warp, U and V are exchanged.
- * For metal, U is along the brushing, because the facets lean least in that direction. */
+/* The parameters of the surfaces.
+ * - For fabric, diffuse is the colour of the warp, and rough belongs to the weft. The yarns of the
+ *   weft run along U. For a yarn of the warp, U and V are exchanged.
+ * - For metal, U is along the brushing, because the facets lean least in that direction. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
@@ -40,7 +43,7 @@ static struct vec3 microfacet_view_normal_of(double x, double y) {
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
-/* Returns the normal at texel coordinates `at` on a lattice of bosses. On the side of a boss, the
+/* Returns the normal of a lattice of bosses at texel coordinates `at`. On the side of a boss, the
  * normal leans away from the centre of the boss. The slope is largest half way down the side, where
  * it is BUMP_SLOPE. The normal is constant within each texel of the normal map. */
 static struct vec3 microfacet_view_metal_normal(const double at[2]) {
@@ -52,7 +55,7 @@ static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
     if (!(r > 0))
         return microfacet_view_normal_of(0, -0.0);
-    /* v increases downwards, and y of the normal upwards. */
+    /* the signs differ because v increases downwards, and y of the normal upwards */
     return microfacet_view_normal_of(slope * u / (r * BUMP_RADIUS),
                                      -(slope * v / (r * BUMP_RADIUS)));
 }

@@ -10,8 +10,9 @@
 struct NeuralView {
     int width, height, n_channels, n_levels;
     guint surface, heights, planes, skies; /* textures of neural.glsl */
-    float height_scale[2]; /* height of the byte 0, and step, in texels of level 0 */
-    char *network;         /* neural_shader_network() */
+    /* [0]: height of the byte 0; [1]: height of one step; in texels of level 0 */
+    float height_scale[2];
+    char *network; /* neural_shader_network() */
 };
 
 static void filter(GLenum target, gboolean mipped, GLint wrap) {

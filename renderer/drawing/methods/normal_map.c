@@ -30,7 +30,7 @@ static struct normal_map *normal_map_new(int width, int height) {
 }
 
 /* Sets texel k to n, scaled to unit length. Fails if the length of n is not within SHORTEST …
- * LONGEST, or if n does not point out of the surface. */
+ * LONGEST, or if n points into the surface or along it. */
 static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3], const char *path,
                                GError **error) {
     const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -67,8 +67,9 @@ static void normal_map_on_error(png_structp png, png_const_charp text) {
 static void normal_map_on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Decodes the PNG into reading->rows. All calls that may longjmp to setjmp are in this function.
- * Memory that it allocates is kept in reading, so that the caller can free it after a longjmp. */
+/* Decodes the PNG into reading->rows. All calls that may longjmp() are in this function, and so is
+ * setjmp(). Memory that the function allocates is kept in reading, so that the caller can free it
+ * after a longjmp(). */
 static gboolean normal_map_decode(png_structp png, png_infop info, struct png_reading *reading) {
     if (setjmp(png_jmpbuf(png)))
         return FALSE;

@@ -12,8 +12,8 @@
 GQuark normal_map_error_quark(void);
 enum normal_map_error {
     NORMAL_MAP_ERROR_IO,
-    /* The file is unreadable or no normal map. If a texel is wrong, the message names the first
-     * one. */
+    /* The file cannot be decoded, or is no normal map. If texels are wrong, the message names the
+     * first of them. */
     NORMAL_MAP_ERROR_FORMAT,
 };
 

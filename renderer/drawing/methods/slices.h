@@ -32,26 +32,29 @@ struct slices {
     /* 1, or the number of views. constants() of the method must define SLICED as n_slices > 1,
      * because lobes.glsl then takes the slices of the nearest views. */
     int n_slices;
-    /* index of the value in a texel, for each channel of each page; −1 if the channel is not
+    /* for each channel of each page, the index of the value in a texel; −1 if the channel is not
      * used */
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
-    /* The following members are set by slices_upload(). `values` is the texture of the models'
-     * values. `ambients` is the texture of the reflectance under an even sky, with a layer for each
-     * view and one for the pole. The mean of some views stands for the pole; `pole` is the texture
-     * of the indices of these views (lobes.glsl). */
+    /* The following members are set by slices_upload().
+     * values: texture of the models' values
+     * ambients: texture of the reflectance under an even sky, with a layer for each view and one
+     * for the pole pole: texture of the indices of the views whose mean stands for the pole
+     * (lobes.glsl) */
     int width, height; /* texels of level 0 */
     guint values, ambients, pole;
     struct direction_textures views;
 };
 
-/* Check that the card can hold the slices, and that all values of the level are finite. The error
- * for slices that are too large ends with advice, which says how to make the slices smaller. */
+/* slices_check_size() checks that the card can hold the slices. If they are too large, advice is
+ * appended to the error; it says how to make the slices smaller. slices_check_values() checks that
+ * all values of the level are finite. */
 gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
                            const char *advice, GError **error);
 gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,
                              GError **error);
 
-/* Uploads n levels. If n is smaller than n_levels, the card computes the other levels as means. */
+/* Uploads n levels. If n is smaller than slices->n_levels, the card computes the other levels as
+ * means. */
 gboolean slices_upload(struct slices *slices, const struct slices_level *levels, int n,
                        SlicesSky sky, GError **error);
 void slices_clear(struct slices *slices);

@@ -12,12 +12,12 @@
 #include <string.h>
 
 struct MdfTexture {
-    /* Depths. An MDF of views has one layer per view, and one for the pole. An MDF of factors has
-     * four maps per layer. */
+    /* Texture of the depths. An MDF of views has one layer per view, and one for the pole. An MDF
+     * of factors has layers of four maps. */
     guint depths;
     struct direction_textures views; /* directions of views; 0 for factors */
-    /* Weights of the factors (mdf_factors.h) by direction: W_1 … W_c, four per layer, and W_0 in
-     * the last layer. 0 for an MDF of views. */
+    /* Texture of the weights of the factors (mdf_factors.h) by direction: W_1 … W_c, four per
+     * layer, and W_0 in the last layer. 0 for an MDF of views. */
     guint factors;
     int n_terms;             /* c, see mdf_factors.h; 0 for views */
     double scale_mm, min_mm; /* depth of a view = min_mm + scale_mm · value */
@@ -26,9 +26,10 @@ struct MdfTexture {
     float *theta_deg, *phi_deg; /* n_views elements */
     struct mdf_table *measured; /* copy of the measured views */
     guint shell;                /* texture; 0 before it is first used */
-    /* For along.glsl. along_views has the directions of the measured views, along_depths their
-     * depths as shares of the largest depth, and `along` their triangulation. All are 0 before they
-     * are first used. */
+    /* For along.glsl; all are 0 before they are first used.
+     * along_views: directions of the measured views
+     * along_depths: depths of these views, as shares of the largest depth
+     * along: triangulation of these views */
     guint along_views, along_depths;
     struct direction_textures along;
     double most_per_mm, top_mm; /* as in mdf_shell.h */
@@ -150,9 +151,9 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* Computes the next mip level in place: the root of the mean square of g (mdf_shell.h) over each 2
- * × 2 voxels of a layer. The mean of g makes grass too thin, and the mean of σ ∝ g⁴ makes a weave
- * too thick. */
+/* Computes the next mip level in place. A texel is the root of the mean square of g (mdf_shell.h)
+ * over 2 × 2 voxels of a layer. This is a compromise: the mean of g makes grass too thin, and the
+ * mean of σ ∝ g⁴ makes a weave too thick. */
 static void halve_shell(guint8 *values, int w, int h, int depth) {
     const int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
     for (int l = 0; l < depth; l++)
@@ -258,7 +259,8 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    /* the object must be valid here, although there may be no textures yet */
+    /* The object must be valid from here on, because it is freed on an error, although there may be
+     * no textures yet. */
     texture->views.target = texture->along.target = GL_TEXTURE_2D;
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;
