@@ -9,6 +9,7 @@
  * = Σ w² g². u, in frames², follows from the scatter of the sweeps:
  *   S = Σ a (x − m)²,  a = w² / (1 − w),  E = Σ a (g² (1 − 2 w) + V),  u = S / E,
  *   ν = max(1, (Σ a g²)² / Σ (a g²)² − 1) degrees of freedom.
+ *
  * If only u were used, the errors of two sweeps in units of σ would follow Student's t with one
  * degree of freedom, whose variance is infinite. Therefore u is mixed with ū, the mean over the 5 ×
  * 5 texels around, which counts as k further degrees of freedom: û = (ν u + k ū) / (ν + k). This is
@@ -16,19 +17,21 @@
  * freedom about ū. k is the most likely value for the view (Smyth 2004; here ū is local).
  *
  * 2. An error that all sweeps have in common, because they sample the surface at the same pixels
- * and interpolate. The bend of the surface z over the spacing h of the pixels is b = (z(−h) + z(h))
- * / 2 − z(0). b is the mean over sweeps, without the noise of the times. V_b is the mean of b², and
- * p follows from V_b(2h) / V_b(h) = 2^p. The variance of the interpolated distance is then q(p)
- * (b_x² + b_y²) for a surface whose squared differences grow with the p-th power of distance
+ * and interpolate. The bend of the surface z over the spacing h of the pixels is
+ *   b = (z(−h) + z(h)) / 2 − z(0),
+ * as a mean over sweeps, without the noise of the times. V_b is the mean of b², and p follows from
+ * V_b(2h) / V_b(h) = 2^p. The variance of the interpolated distance is then q(p) (b_x² + b_y²).
+ * This holds for a surface whose squared differences grow with the p-th power of distance
  * (Mandelbrot & Van Ness 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough
  * in every pixel.
  *
  * 3. An error that no sweep shows. In a sweep, some pixels around a texel may see no line although
  * other pixels do. They may see another side of an edge, which is in shadow or too dark. The texel
  * lies on that side with the probability h. h is the share of such pixels, as a mean over sweeps;
- * their weights decrease linearly to 0 at two pixel spacings. A step s between the sides adds h s²
- * to the variance. s² is computed from the texels around (mdf.c). With few sweeps, the shadow of
- * one sweep is a large part of h, and nothing is added.
+ * their weights decrease linearly to 0 at two pixel spacings.
+ *
+ * A step s between the sides adds h s² to the variance. s² is computed from the texels around
+ * (mdf.c). With few sweeps, the shadow of one sweep is a large part of h, and nothing is added.
  */
 #pragma once
 

@@ -4,9 +4,9 @@
  * measured views are first moved along the surface, so that each shows the same point, and then
  * mixed.
  *
- * Symbols. v is the unit vector from x towards a new camera. v_i and c_i are direction and camera
- * of the measured view i. D_i is its MDF (pipeline.h: the distance of the surface behind x_i, along
- * the ray).
+ * v is the unit vector from x towards a new camera. For each measured view i, v_i is the direction,
+ * c_i the position of the camera, and D_i the MDF (pipeline.h): the distance of the surface behind
+ * the plane, along the ray. Further symbols:
  *
  *   p(t) = x − v t                 the new view's ray, behind the reference plane for t > 0
  *   x_i, m_i                       where the ray from p to c_i crosses the reference plane, and how
@@ -20,16 +20,23 @@
  *   s(q) = 1 for |q| ≤ 1, 2 − |q| to 2, 0 beyond
  *   B(x, v, l) = Σ_i w_i s(q_i) B(x_i, v_i, l) / Σ_i w_i s(q_i)     at p = p(d)
  *
- * w_i = b_i' + ε h_i with b_i' = b_i (cos θ_i)^a / Σ_j b_j (cos θ_j)^a, and u_i = b_i + h_i. b are
- * barycentric weights of v in the triangulation of the measured directions (directions.h). Outside
- * of the triangulation, b are the weights of the nearest point of its border. h are weights of the
- * nearest views, continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the
- * distance between v and v_i, and R that of the nearest view without weight; their sum is 1). The
- * weights h decide the values where no view of the triangle sees p. The cosine reduces the weight
- * of a slanted view, whose pixels are larger on the sample. All weights are continuous in v, so
- * that no seam appears where the triangle changes. At a measured direction, only the view itself
- * counts. Values still change abruptly where a view loses sight of a surface that it sees at a
- * grazing angle.
+ * The weights w_i and u_i of the views are
+ *
+ *   u_i = b_i + h_i
+ *   w_i = b_i' + ε h_i             b_i' = b_i (cos θ_i)^a / Σ_j b_j (cos θ_j)^a
+ *
+ * The b are barycentric weights of v in the triangulation of the measured directions
+ * (directions.h). Outside of the triangulation, the b are the weights of the nearest point of its
+ * border. The cosine reduces the weight of a slanted view, whose pixels are larger on the sample.
+ *
+ * The h are weights of the nearest views with the sum 1, which are continuous in v (Franke & Little
+ * 1980). They are proportional to ((R − r_i) / (R r_i))², where r_i is the distance between v and
+ * v_i, and R the distance to the nearest view without weight. The h decide the values where no view
+ * of the triangle sees p.
+ *
+ * All weights are continuous in v, so that no seam appears where the triangle changes. At a
+ * measured direction, only the view itself counts. Values still change abruptly where a view loses
+ * sight of a surface that it sees at a grazing angle.
  *
  * D_i is bilinear among those of the four texels around x_i that lie on one surface with the
  * nearest texel, so that edges are not bridged. B(x_i, …) is bicubic (Keys 1981) if the 16 texels

@@ -41,7 +41,7 @@ int partial_n_measured(const Partial *partial);
  * was taken again is read again.
  *
  * A file that cannot be read is left out, and so is a picture whose camera does not see the whole
- * sample. *ret_problem then receives a line about it, if it is NULL before; g_free(). Returns FALSE
+ * sample. If *ret_problem is NULL, it then receives a line about the cause; g_free(). Returns FALSE
  * with an error if the session cannot be read. */
 gboolean partial_read(Partial *partial, int most, GArray *ret_pairs, char **ret_problem,
                       GError **error);

@@ -21,9 +21,9 @@ struct partial_later {
 /* Makes a forecast. `like` is an earlier forecast of the same session, or NULL. The sample must
  * have measured pairs.
  *
- * The model of `like` is used if there is one. The model is fitted anew if `like` is NULL, or if
- * the number of measured pairs has grown by a quarter since that model was fitted. A fit takes
- * seconds; using a model takes a fraction of this time. Errors are those of
+ * A new model is fitted if `like` is NULL, or if the number of measured pairs has grown by a
+ * quarter since the model of `like` was fitted. A fit takes seconds. If none is needed, the model
+ * of `like` is used, which takes a fraction of this time. Errors are those of
  * nearest_prediction_new(). */
 PartialForecast *partial_forecast_new(const struct partial_sample *sample,
                                       const PartialForecast *like, const struct work *work,

@@ -36,13 +36,14 @@
  *
  *   products/eigenmaps.exr       See eigenmaps.h.
  *
- * The centre of texel (i, j) is at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame
- * (row 0 is at +y), in the reference plane. A BTF value is the reflected radiance relative to the
- * radiance of a white diffuser in that plane that is lit along its normal by the same lamp at the
- * same distance, L·π / E_⊥. It contains n·l. A view shows the surface as seen through the reference
- * plane: the value at p belongs to the ray from the camera through p. MDF values are lengths along
- * that ray from p to the surface. BTF values and MDF values belong to the true (near-field) ray of
- * each texel.
+ * In the sample frame, the centre of texel (i, j) is at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m,
+ * in the reference plane. The grid has n × m texels and the size w × h. Row 0 is at +y.
+ *
+ * A BTF value is the reflected radiance L, divided by the radiance of a white diffuser in the
+ * reference plane that is lit along its normal by the same lamp at the same distance: L·π / E_⊥. It
+ * contains n·l. A view shows the surface as seen through the reference plane: the value at p
+ * belongs to the ray from the camera through p. MDF values are lengths along that ray from p to the
+ * surface. BTF values and MDF values belong to the true (near-field) ray of each texel.
  */
 #pragma once
 

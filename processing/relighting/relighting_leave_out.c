@@ -27,8 +27,10 @@ struct leaving {
     double *mean; /* 3 n: mean of Y over the texels; all 0 if the model has no planes */
     /* one element for each light that is left out; NULL if the model has no planes */
     struct components *components;
-    float *pictures;  /* the result */
-    int failed_light; /* −2: none failed */
+    float *pictures; /* the result */
+    /* −2 if the weights of all tiles were determined, otherwise *ret_light of
+     * relighting_weights() */
+    int failed_light;
 };
 
 char *relighting_model_name(const struct relighting_model *model) {
@@ -295,9 +297,9 @@ static void do_tile(int number, gpointer data) {
     }
 }
 
-/* Returns the side of tiles in texels. A tile has no texel farther from its centre than half its
- * diagonal d. At this distance, the direction to a lamp at the distance r differs by at most d /
- * r. */
+/* Returns the side of tiles in texels. No texel of a tile is farther from the tile's centre than d,
+ * half the diagonal of the tile. Between the centre and this texel, the direction to a lamp at the
+ * distance r differs by at most d / r. */
 static int tile_side(const struct relighting_fit *fit) {
     const Relighting *r = fit->relighting;
     const struct near_field *near = r->near;

@@ -163,7 +163,8 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
     struct seen *seen = g_new(struct seen, view->samples->len + 1);
     for (guint i = 0; i < view->samples->len; i++) {
         const struct sample *sample = &g_array_index(view->samples, struct sample, i);
-        int k = 0; /* the first of the four pixels around the texel that sees the laser is used */
+        /* of the four pixels around the texel, the first is used whose phase sees the laser */
+        int k = 0;
         while (k < 3 && !live[2 * ((sample->y + (k >> 1)) & 1) + ((sample->x + (k & 1)) & 1)])
             k++;
         const gsize pixel =

@@ -5,19 +5,22 @@
  *
  * Let S be the neighbours of a missing pair u. The weights of the ratios z_S are w_u = K_SS⁻¹ k_Su.
  * The variance of ρ_u is e g_u² s² (k_uu − k_Suᵀ w_u), where s² is the mean of z² over the measured
- * pairs of the row. g_u is limited to the maximum of g at the measured pairs, because the
- * directions that are not measured yet may be far from all measured ones. For the same reason the
- * diffuse part of g changes only with cos θ_l below the lowest measured light, and not at all below
- * the lowest measured view. Where the highlights of g exceed their limit, the square b_u of the
- * excess is added to the variance: nobody has seen yet how bright these highlights are.
+ * pairs of the row.
+ *
+ * g_u is limited to the maximum of g at the measured pairs, because the directions that are not
+ * measured yet may be far from all measured ones. For the same reason the diffuse part of g changes
+ * only with cos θ_l below the lowest measured light, and not at all below the lowest measured view.
+ * Where the highlights of g exceed their limit, the square b_u of the excess is added to the
+ * variance, because it is unknown how bright these highlights are.
  *
  * The factor e comes from a cross-validation at the distances of the missing pairs. For each
  * missing pair u, the measured pair t that is nearest to u is predicted. It is predicted from the
  * measured pairs i that are at least as far from t as u is (k_ti ≤ k_tu), and that were not taken
- * by the same shot as t. e is the ratio of the squared errors to the variances. The expected error
- * is only right if the measured pairs are spread over all directions. If a whole range of
- * directions is missing, such as all low lights, the measured pairs do not show what is special
- * there, for instance long shadows.
+ * by the same shot as t. e is the sum of the squared errors, divided by the sum of the variances.
+ *
+ * The expected error is right only if the measured pairs are spread over all directions. If a whole
+ * range of directions is missing, such as all low lights, the measured pairs do not show what is
+ * special there, for instance long shadows.
  *
  * Objects are constant after nearest_prediction_new(): any thread. */
 #pragma once

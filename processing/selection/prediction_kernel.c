@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Limits of the fit of the constants. The fit uses FIT_ROWS rows, evenly spread, and FIT_PAIRS
- * pairs of neighbouring views, so that the pairs are as dense as all pairs.
+/* Limits of the fit of the constants. The fit uses at most FIT_ROWS rows, evenly spread, and
+ * at most FIT_PAIRS pairs of neighbouring views, so that the pairs are as dense as all pairs.
  *
  * There are FIT_SWEEPS sweeps over all constants. A sweep multiplies or divides each constant by a
  * factor if that reduces the error. The factor is FIT_STEP in the first sweep, and the square root

@@ -22,11 +22,9 @@ int session_lock(const char *path, GError **error) {
 
     if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) {
         g_snprintf(who, sizeof who, "%ld\n", (long)getpid());
+        /* a failure is ignored, because the process id is used only in the message below */
         if (ftruncate(fd, 0) != 0 || pwrite(fd, who, strlen(who), 0) < 0)
-            g_debug("%s: %s", file,
-                    /* a failure is ignored, because the process id is used only in the message
-                     * below */
-                    g_strerror(errno));
+            g_debug("%s: %s", file, g_strerror(errno));
         return fd;
     }
     if (fd >= 0 && errno == EWOULDBLOCK) {

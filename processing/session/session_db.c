@@ -214,8 +214,8 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
 }
 
 /* Sets the error if SQLite's check of the structure failed, and returns FALSE. `says` is the text
- * that the check gave. The check also reports a page as damaged if the disk cannot read it. Its
- * text then has the code of the read error. */
+ * that the check gave. The check also reports a page as damaged if the disk cannot read it;
+ * `says` then has the code of the read error. */
 static gboolean unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);

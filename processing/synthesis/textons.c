@@ -17,7 +17,8 @@
 #define LEVELS  4 /* maximum number of levels */
 /* minimum size of the sample at the coarsest level, in texels in each dimension */
 #define COARSEST 12
-#define JUMP     1.1F /* the cost of a candidate that continues no neighbour is multiplied by this */
+/* the cost of a candidate that continues no neighbour is multiplied by this */
+#define JUMP 1.1F
 
 struct texton_level {
     const struct texel_features *sample;
