@@ -114,10 +114,12 @@ static double interpolated_depth(const struct material_relief *relief, double u,
     return MAX(sum[0], 0);
 }
 
-/* Returns the unit normal of the surface for one view v. D (x, y) is the depth of the ray below the
- * reference plane, and slope its derivatives D_x and D_y. The distance is D / v_z, and the surface
- * is P (x, y) = (x, y, 0) − v D / v_z. The normal is along ∂P/∂x × ∂P/∂y = (D_x, D_y, 1 − (v_x D_x
- * + v_y D_y) / v_z). The product of this vector with v is v_z, so the vector faces the eye. */
+/* Returns the unit normal of the surface for a view v. D (x, y) is the depth of the ray below the
+ * reference plane, and slope has its derivatives D_x and D_y.
+ *
+ * The distance along the ray is D / v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. The
+ * normal is along ∂P/∂x × ∂P/∂y = (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). This vector faces the
+ * eye, because its product with v is v_z. */
 static struct vec3 normal_of_slopes(const double slope[2], struct vec3 v) {
     const double down = fmax(v.z, MIN_SLOPE);
     return vec3_unit(vec3(slope[0], slope[1], 1.0 - (v.x * slope[0] + v.y * slope[1]) / down));

@@ -22,8 +22,8 @@ void material_relief_size_mm(const struct material_relief *relief, double *ret_w
 const struct mdf_shell *material_relief_shell(const struct material_relief *relief);
 
 /* Returns the depth in mm below the reference plane at which a ray meets the surface of the flat
- * sample. The ray enters the reference plane at (u, v), in tiles. view is the unit vector from
- * there to the eye, above the horizon. ret_normal is the unit normal of the surface, on the side of
- * the eye, with y upwards. */
+ * sample. The ray enters the reference plane at (u, v), in tiles. view is the unit vector from this
+ * point to the eye, above the horizon. ret_normal receives the unit normal of the surface, on the
+ * side of the eye, with y upwards. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              struct vec3 view, struct vec3 *ret_normal);

@@ -216,7 +216,8 @@ static void sampler_group(const struct making *m) {
     }
 }
 
-/* Adds the reconstructed texel to the sums of its cluster and to those of all texels. */
+/* Adds the luminances of the reconstructed texel to the sums of its cluster, and to the sums of all
+ * texels. */
 static void sampler_add(const struct making *m, int at) {
     const int into[2] = {m->sampler->cluster[at], m->sampler->n_clusters};
     const gsize size = (m->n_views + 1) * m->n_lights;
@@ -271,8 +272,8 @@ static void sampler_pick(struct making *m) {
     }
 }
 
-/* Returns ∫ value dω over a cell, except for a constant factor, from the values of the cluster's
- * picked texels at the cell's centre. view is a measured view. */
+/* Returns ∫ value dω over a cell, except for a constant factor. It is computed from the values of
+ * the cluster's picked texels at the cell's centre. view is a measured view. */
 static double sampler_formula(const struct making *m, int cluster, int view, int row, int cell) {
     double disc[2], sum = 0.0;
     sampler_to_disc((cell + 0.5) / CELLS, (row + 0.5) / CELLS, disc);

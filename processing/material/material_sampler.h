@@ -1,24 +1,25 @@
 /* Distributions of light directions that follow a material's reflectance, for importance sampling.
  *
- * A direction is l = (x, y, z). (x, y) is the point of the disc that corresponds to (a, b) in [0,
- * 1]² by the area-preserving map of Shirley & Chiu 1997. Uniform (a, b) are directions of density z
- * / π. A table g holds CELLS × CELLS densities over (a, b), with mean 1, for a cluster of texels
- * and a measured view. Each density is proportional to the integral over its cell, ∫ value dω, of
- * the cluster's mean luminance. For a view between measured ones, the tables are mixed with the
- * weights w_i with which the views are interpolated. The density per solid angle is
+ * A direction is l = (x, y, z). The area-preserving map of Shirley & Chiu 1997 maps (a, b) in [0,
+ * 1]² to the point (x, y) of the disc. If (a, b) is uniform, directions have the density z / π.
+ *
+ * A table g has CELLS × CELLS densities over (a, b), with mean 1, for a cluster of texels and a
+ * measured view. Each density is proportional to the integral of the cluster's mean luminance over
+ * the cell, ∫ value dω. For a view between measured ones, the tables are mixed with the weights w_i
+ * with which the views are interpolated. The density per solid angle is
  *
  *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π
  *
- * C and U are the shares of a cosine lobe and of the uniform hemisphere. These two terms make p > 0
- * wherever z > 0, and keep value / p bounded.
+ * C and U are the shares of a cosine lobe and of the uniform hemisphere. Because of these two
+ * terms, p > 0 wherever z > 0, and value / p is bounded.
  *
  * If the model is a formula, the value of a cell is evaluated at the cell's middle, in some texels
  * of the cluster. The reason is that formulas need not fall towards the horizon as interpolated
  * values do.
  *
  * Texels are clustered by the shape of their reflectance (k-means over fixed pairs of measured view
- * and light). A footprint wider than 1.5 steps between the texels that were examined uses the table
- * of all texels. */
+ * and light). The table of all texels is used if the footprint is wider than 1.5 steps between the
+ * texels that were examined. */
 #pragma once
 
 #include "btf/direction_grid.h"

@@ -77,13 +77,15 @@ struct MdfView {
     struct vec3 centre_mm;
     struct session_grid grid;
     int n_texels, n_sweeps;
-    float agreement_mm; /* adjacent pixels whose distances differ by more see different surfaces */
-    float *ray;         /* n_pixels × 3: unit vectors, rig frame */
-    float *onset_mm; /* n_pixels: distance along the ray from the camera to the reference plane */
-    /* n_texels: position of a texel's centre in the picture; x < 0 if outside */
+    /* if the distances of adjacent pixels differ by more than this, they see different surfaces */
+    float agreement_mm;
+    float *ray; /* n_pixels × 3: unit vectors, rig frame */
+    /* for each pixel, the distance along the ray from the camera to the reference plane */
+    float *onset_mm;
+    /* for each texel, the position of its centre in the picture; x < 0 if outside of the picture */
     float *x_px, *y_px;
-    /* n_pixels: distances that follow from the brightest and from the second pulse of one sweep; −1
-     * if there is no pulse, or OVER */
+    /* For each pixel, the distances that follow from the brightest and from the second pulse of a
+     * sweep. −1 if there is no pulse; may be OVER. */
     float *pixel_mm[2];
     /* for each texel, the number of sweeps whose line lies above the reference plane */
     guint8 *over;
@@ -199,8 +201,8 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-/* Returns |s · (c × e)| / 6. s, c and e are positions relative to the near end of the line: s of
- * the laser's source, c of the camera, and e of the far end of the line. */
+/* Returns |s · (c × e)| / 6, with three positions relative to the near end of the laser's line: s
+ * of the laser's source, c of the camera, and e of the far end of the line. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
@@ -257,8 +259,8 @@ static float intersect(const MdfView *view, const struct laser_sheets *sheets, d
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* A phase is a place in the 2 × 2 colour filter. Live phases see the laser: all four, or those of
- * the laser's colour. */
+/* A phase is a place in the 2 × 2 colour filter. A phase is live if its pixels see the laser: all
+ * four are live, or only those of the laser's colour. */
 struct phases {
     gboolean live[4];
     int radius; /* maximum distance in pixels from a pixel to the next live one */
@@ -352,8 +354,8 @@ static int next_to(const MdfView *view, const struct near *near, float mm) {
     return next;
 }
 
-/* One surface that some of the near pixels see: its distance, the height of its pulse, and the sum
- * of the weights of these pixels. */
+/* A surface that some of the near pixels see: its distance, the height of its pulse in DN, and the
+ * sum of the weights of these pixels. */
 struct side {
     float mm, dn, share;
 };
@@ -653,7 +655,8 @@ struct known_share {
     double by_texel[2];
 };
 
-/* Returns the vector from the camera to the reference plane at a texel's position, rig frame. */
+/* Returns the vector from the camera to the point of the reference plane at a column and row, in
+ * the rig frame. */
 static struct vec3 way_to(const MdfView *view, double column, double row) {
     const struct vec3 p = rectify_point_mm(&view->grid, column + 0.5, row + 0.5);
     return vec3_sub(rig_turn(p, view->turntable_rad), view->centre_mm);

@@ -2,9 +2,11 @@
  * The mesostructure distance function (MDF) of one view, from laser sweeps (Wang et al. 2005 §3.2).
  * Each sweep gives a displacement image; the images of all laser positions are merged. The peak
  * time of a pixel is a sweep angle, and hence a sheet of light. The surface lies where the pixel's
- * ray intersects that sheet. The sheets are those of the calibration, corrected by the lines that
- * were found in the sweep (laser_lines.h). The sheets of a sweep diverge from the laser; parallel
- * sheets are not assumed. One thread per MdfView.
+ * ray intersects that sheet.
+ *
+ * The sheets are those of the calibration, corrected by the lines that were found in the sweep
+ * (laser_lines.h). The sheets of a sweep diverge from the laser; they are not assumed to be
+ * parallel. One thread per MdfView.
  */
 #pragma once
 
@@ -66,8 +68,9 @@ void mdf_view_light(const MdfView *view, struct mdf_light *ret);
  * there is no candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
-/* Returns the number of texels without a distance whose surface lies above the reference plane. At
- * least two sweeps must show this, or at least one if the view has fewer than four sweeps. */
+/* Returns the number of texels that have no distance because their surface lies above the reference
+ * plane. At least two sweeps must show this. One is enough if the view has fewer than four
+ * sweeps. */
 int mdf_view_above(const MdfView *view, const float *distance);
 
 /* Returns a measure of the depth resolution of a sweep, which grows with the resolution. It is the

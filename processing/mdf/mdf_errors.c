@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define AROUND 2  /* number of texels on each side of a texel whose scatter is used */
+#define AROUND 2  /* the scatter of texels up to this number of columns and rows away is used */
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
 /* Returns ū: the mean of u over the texels around a texel, weighted by degrees of freedom. If none
@@ -69,7 +69,8 @@ double mdf_errors_between(double p) {
     return sum / (CELLS * CELLS) / (2 * (1 - pow(2, p - 2)));
 }
 
-/* Returns p from the bends over one and over two spacings, where both are known. */
+/* Returns p from the bends over one and over two spacings, at the texels at which both are
+ * known. */
 static double exponent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads) {
     double squares[2] = {0};
     for (int i = 0; i < grid->width * grid->height; i++)

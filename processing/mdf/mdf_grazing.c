@@ -126,8 +126,8 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
-/* Returns the mean of traced minus measured depth over seen texels, or 0 if there are no such
- * texels. The views are those with polar angles from theta_deg − GAP_DEG to theta_deg. */
+/* Returns the mean of traced minus measured depth over the texels that a laser saw, or 0 if there
+ * are none. The mean is over the views with polar angles from theta_deg − GAP_DEG to theta_deg. */
 static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;

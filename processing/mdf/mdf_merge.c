@@ -25,8 +25,8 @@ struct deviation {
     double weight;
 };
 
-/* Sorts the samples by distance, by insertion because there are few of them. Returns the weighted
- * median: the mean of two samples if the middle falls between them. */
+/* Returns the weighted median of the samples. If the middle falls between two samples, this is
+ * their mean. Sorts the samples by distance, by insertion because there are few of them. */
 static double weighted_median(struct deviation *samples, int n) {
     double total = 0, sum = 0;
     for (int i = 1; i < n; i++) {

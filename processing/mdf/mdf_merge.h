@@ -21,7 +21,8 @@ struct mdf_candidate {
 /* Data of merged sweeps from which the error of their mean follows, see mdf_errors.h. */
 struct mdf_spread {
     int n; /* number of sweeps */
-    /* frames2 and freedom: u and ν of mdf_errors.h; ν is 0 if there are fewer than two sweeps */
+    /* frames2: u of mdf_errors.h, in frames²
+     * freedom: ν of mdf_errors.h; 0 if there are fewer than two sweeps */
     double frames2, freedom;
     double unit_mm2;             /* V of mdf_errors.h */
     double hidden;               /* h of mdf_errors.h */

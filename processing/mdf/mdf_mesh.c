@@ -109,8 +109,8 @@ static void add_vertex(struct net *net, const int cell[3]) {
     net->vertex[cell_index(net, cell)] = net->vertices->len;
 }
 
-/* If one of two samples that follow each other along axis is opaque and the other free, makes the
- * two triangles between them. */
+/* Makes two triangles between two samples that follow each other along axis, if one is opaque and
+ * the other free. */
 static void add_quad(struct net *net, const int from[3], int axis) {
     int to[3] = {from[0], from[1], from[2]};
     to[axis]++;

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP 0.75 /* in texels; neighbours with a larger step lie on different surfaces */
+/* in texels; if the distances of neighbours differ by more, they lie on different surfaces */
+#define STEP 0.75
 /* In texels. A distance agrees with a prediction that is at most this far away. Predictions agree
  * with each other within twice this range. */
 #define AGREE 0.25
@@ -32,7 +33,8 @@ struct settling {
     int n, view;
     const struct mdf_plane *plane;
     gboolean *open; /* for each texel, whether the view's own measurement is missing or refuted */
-    /* n_texels distances for each asked view (mdf_views_asked()); INFINITY: no prediction */
+    /* n_texels distances for each asked view (mdf_views_asked()); INFINITY if there is no
+     * prediction */
     float *predicted;
     struct seen *seen;
     float *front; /* n_texels, mm: depth buffer of predict(); INFINITY where nothing is drawn */

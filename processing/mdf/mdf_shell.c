@@ -45,8 +45,8 @@ struct corners {
     float share[8];
 };
 
-/* Returns the voxels around a point. x and y are in texels from the left and upper edge, z in
- * texels below the reference plane. */
+/* Returns the voxels around a point. x and y are in texels from the left and upper edge, and z is
+ * in texels below the reference plane. */
 static struct corners corners_at(const struct grid *grid, double x, double y, double z) {
     const double u = x * grid->per_texel[0] - 0.5, v = y * grid->per_texel[1] - 0.5;
     const double w = CLAMP(z * grid->per_texel[2] - 0.5, 0.0, grid->depth - 1.0);

@@ -25,8 +25,8 @@ static gboolean mdf_table_fail(GError **error, const struct exr_part *part, cons
     return FALSE;
 }
 
-/* In each round, a hole gets the mean of those of its eight neighbours that are known. The tile
- * repeats. */
+/* Holes are filled in rounds. In each round, a hole gets the mean of those of its eight neighbours
+ * that are known. The tile repeats. */
 void mdf_table_fill(float *depth, int w, int h) {
     g_autofree float *before = g_new(float, (gsize)w *h);
     for (int missing = 1; missing > 0;) {
@@ -50,9 +50,9 @@ void mdf_table_fill(float *depth, int w, int h) {
     }
 }
 
-/* Reads a view's distances as depths, which are the distances along the ray times cos θ. If the
- * camera's position is known, θ is the angle between the normal and the ray through the texel;
- * otherwise it is the θ of the view. */
+/* Reads a view's distances and converts them to depths: the distance along the ray times cos θ. If
+ * the camera's position is known, θ is the angle between the normal and the ray through the texel.
+ * If not, θ is that of the view. */
 static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
                                    double reference_mm, GError **error) {
     const float *distance = exr_part_plane(part, "D");

@@ -19,14 +19,15 @@ struct mdf_plane { /* the texels of the reference plane, see pipeline.h */
     double texel_mm, reference_mm;
 };
 
-/* Returns the point on the ray of texel i at a distance behind the reference plane. */
+/* Returns the point on the ray of texel i that is distance_mm behind the reference plane, along the
+ * ray. */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm);
 
-/* Gives the position at which the ray to a point crosses the reference plane (ret_column, ret_row),
- * in texels from the centre of the first texel. ret_mm is the distance of the point behind the
- * plane, along the ray. Returns FALSE if the position is outside of the texels; the results are set
- * nevertheless. */
+/* Gives the position at which the ray to the point p crosses the reference plane (ret_column,
+ * ret_row), in texels from the centre of the first texel. ret_mm receives the distance of p behind
+ * the plane, along the ray. Returns FALSE if the position is outside of the texels; the results are
+ * set even then. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm);
 

@@ -18,9 +18,9 @@
 /* Neighbouring texels are on different surfaces if their distances differ by more than this. In
  * texels, divided by the cosine of the view's polar angle. */
 #define ONE_SURFACE 0.75
-/* The limit that corresponds to ONE_SURFACE for texels whose values are mixed. ONE_COLOUR is
- * larger, because a value belongs to the whole area of a texel. At a step, a mix of two values is
- * then nearer to the truth than one of them. */
+/* The limit for texels whose values are mixed, as ONE_SURFACE is the limit for their distances.
+ * ONE_COLOUR is larger, because a value belongs to the whole area of a texel. Even at a small step,
+ * a mix of two values is then nearer to the truth than one of them. */
 #define ONE_COLOUR 1.6
 #define CUBIC      (-0.6F) /* parameter of Keys' kernel */
 #define HALVINGS   6       /* number of bisections of the step in which the ray meets the surface */
@@ -303,9 +303,9 @@ static void examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
     ret->q = (mm - (double)(distance / sum)) / tolerance;
 }
 
-/* Gives the taps of a value, and returns their number. The taps are the 4 × 4 texels around the
- * position if all of them are on one surface. Otherwise they are those of the 2 × 2 texels around
- * the position that are on the surface of the nearest texel. */
+/* Gives the taps of a value, and returns their number. If all 4 × 4 texels around the position are
+ * on one surface, they are the taps. If not, the taps are those of the 2 × 2 texels around the
+ * position that are on the surface of the nearest texel. */
 static int spread(const Reprojection *s, int view, const struct look *look, double weight,
                   struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];

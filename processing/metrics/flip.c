@@ -51,7 +51,7 @@ static void planes_clear(struct planes *planes) {
         g_free(planes->plane[c]);
 }
 
-/* Computes X, Y, Z of a linear sRGB colour, relative to those of white. */
+/* Computes X, Y and Z of a linear sRGB colour, relative to X, Y and Z of white. */
 static void relative_xyz(const float rgb[3], float ret[3]) {
     for (int i = 0; i < 3; i++)
         ret[i] = (float)(to_xyz[i][0] * rgb[0] + to_xyz[i][1] * rgb[1] + to_xyz[i][2] * rgb[2]) /

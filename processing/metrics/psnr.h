@@ -10,7 +10,8 @@
 
 #include <glib.h>
 
-/* Shows n values of R, G, B: clips each to 0 … 1 and encodes it as sRGB. ret may be linear. */
+/* Converts n values of R, G, B to values as shown: clips each to 0 … 1 and encodes it as sRGB. ret
+ * may be the same array as linear. */
 void psnr_show(const float *linear, gsize n, float *ret);
 
 /* Returns the mean of the squared differences of two pictures as shown, over all pixels and R, G,

@@ -23,9 +23,9 @@ typedef struct Partial Partial;
 #define PARTIAL_MAX_TEXELS 128
 #define PARTIAL_MAX_BYTES  ((gsize)256 << 20)
 
-/* Opens a session that is being captured, or was captured. The grid has the proportions of the
- * session's grid. The error is DATA_ERROR_INCOMPLETE if the session has no views or no lights.
- * Other errors are those of session_open() and of reading the session. */
+/* Opens a session that is or was being captured. The grid has the proportions of the session's
+ * grid. The error is DATA_ERROR_INCOMPLETE if the session has no views or no lights. Other errors
+ * are those of session_open() and of reading the session. */
 Partial *partial_open(const char *directory, GError **error);
 void partial_free(Partial *partial); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Partial, partial_free)
@@ -57,7 +57,7 @@ struct partial_sample {
     const struct prediction_pairs *pairs; /* borrowed from the Partial, constant */
     int n_probes, n_measured;
     float *values;      /* n_probes × 3 × n_pairs, NAN if not measured */
-    struct vec3 *at_mm; /* n_probes: positions of these texels in the sample frame */
+    struct vec3 *at_mm; /* positions of the n_probes probes in the sample frame */
     /* planned: the n_planned pairs that are not measured yet, in the planned order of their shots
      * shots: for each of these pairs, the number of shots that must still be taken until the pair
      *   is measured */

@@ -1,7 +1,8 @@
 /* Pictures of three colours in 32 bits per texel, as graphics cards read them: GL_RGB9_E5 of OpenGL
- * and WebGL. The mantissas r, g, b have 9 bits each, from the lowest bit on. The exponent e has the
- * upper 5 bits. The colour is (r, g, b) · 2^(e − 24). Values are from 0 to 65408. The largest
- * colour of a texel has a relative error of at most 1/512 if it is at least 2^−16. Any thread. */
+ * and WebGL. The mantissas r, g, b have 9 bits each, from the lowest bit on, and the exponent e has
+ * the upper 5 bits. The colour is (r, g, b) · 2^(e − 24). Values are from 0 to 65408. If the
+ * largest colour of a texel is at least 2^−16, it has a relative error of at most 1/512. Any
+ * thread. */
 #pragma once
 
 #include <glib.h>

@@ -30,7 +30,8 @@ struct along {
     Reprojection *reprojection;
     struct direction_weights *lights; /* the weights of the measured lights for each new light */
     float *fade;                      /* directions_fade_weights() of each new light */
-    const int *pole;                  /* the measured lights whose mean is the value at the pole */
+    /* the measured lights; the mean of their values is the value at the pole */
+    const int *pole;
     int n_pole;
     int n_texels;
     struct mdf_result **mdf; /* MDF of each new view */
@@ -103,8 +104,9 @@ static void add(int block, gpointer data) {
         }
 }
 
-/* Sets a->sums: for each texel of the view that is being made, the weighted sum of the values of
- * its taps under each measured light. Fails if the scratch file of the BTF cannot be read. */
+/* Sets a->sums: for each texel of the view that is being made, and for each measured light, the
+ * weighted sum of the values of the texel's taps. Fails if the scratch file of the BTF cannot be
+ * read. */
 static gboolean mix(struct along *a, float *buffer, GError **error) {
     const int n_views = (int)a->btf->layout.views.n;
     const gsize row = a->btf->layout.lights.n * COLOURS;

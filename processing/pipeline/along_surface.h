@@ -1,21 +1,22 @@
-/* A session in new view directions, predicted along the surface (mdf/reprojection.h). The result
- * may be denser than the source, and may have views outside of the measured ones. The session must
- * have an MDF. The result is a session as import.h makes it, with a BTF, eigen-maps and an MDF, but
- * without frames. Its nominal directions are exact. Its views are like those of cameras that are
- * far away: each texel is seen from the same direction.
+/* A session in new view directions, predicted along the surface (mdf/reprojection.h). The new
+ * directions may be denser than those of the source, and may lie outside of the measured ones. The
+ * source must have an MDF. The result is a session as import.h makes it, with a BTF, eigen-maps and
+ * an MDF, but without frames. Its nominal directions are exact. Its views are like those of cameras
+ * that are far away: each texel is seen from the same direction.
  *
  * Values under a new light are mixed linearly from those of up to four measured lights
  * (directions.h). Beyond the measured lights, values fall with the cosine. Lights are assumed to
  * have their nominal directions for all texels.
  *
- * The MDF's channels (pipeline.h) are as follows. D is the predicted distance, −1 where no view
- * sees anything. M, O and S are −1 and N is 0, because nothing was measured. P is 3 or 0. If no
- * view sees the surface of a texel, its values are mixed from the views' values at the same texel,
- * and have the flag BTF_FLAG_PREDICTED (btf.h).
+ * In the MDF (pipeline.h), channel D is the predicted distance, −1 where no view sees anything. M,
+ * O and S are −1 and N is 0, because nothing was measured. P is 3 or 0. If no view sees the surface
+ * of a texel, its values are mixed from the views' values at the same texel, and have the flag
+ * BTF_FLAG_PREDICTED (btf.h).
  *
- * Each part of the BTF has the attributes of pipeline.h, and also resample.directions and
- * resample.from (string: name of the set, path of the session) and resample.along_surface (int:
- * 1). */
+ * Each part of the BTF has the attributes of pipeline.h, and also
+ *   resample.directions      string: name of the set
+ *   resample.from            string: path of the session
+ *   resample.along_surface   int: 1 */
 #pragma once
 
 #include "base/work.h"

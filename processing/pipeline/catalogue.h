@@ -35,8 +35,8 @@ struct catalogue *catalogue_load(Session *session, const char *calibration, GErr
 void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 /* Reads the session's frames, shots and lamp outputs again, because a capture may have added some.
- * Frees the members that held them before. Fails if the database cannot be read, or if a row or a
- * stored output is not valid. */
+ * Frees the old ones. Fails if the database cannot be read, or if a row or a stored output is not
+ * valid. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
 /* Returns the number of planned shots that are not taken yet. */
@@ -88,6 +88,6 @@ void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 
-/* Begins a hash of a product's inputs with the inputs that all views share: kind ("btf", "mdf" or
+/* Begins a hash of a product's inputs. It contains what all views share: kind ("btf", "mdf" or
  * another name), versions, calibration and grid. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

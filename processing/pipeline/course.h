@@ -1,6 +1,7 @@
 /* The progress of a run of the pipeline, and its remaining time. A course measures the CPU time of
- * views and of the work after the views, and the share of the processors that the process gets. One
- * thread calls these functions, except course_task_begin() and course_task_end(). */
+ * views and of the work after the views, and the share of the processors that the process gets. All
+ * functions are called by one thread. Only course_task_begin() and course_task_end() are called by
+ * the thread that makes the task. */
 #pragma once
 
 #include "time_left.h"
@@ -23,8 +24,8 @@ void course_task_end(Course *course, int task);
 
 /* Announces work of one kind after the views, in one thread. 0 units mean that there is none. */
 void course_expect(Course *course, enum time_left_work work, double units);
-/* Reports the share, 0 … 1, of the present work after the views that is done. From then on the
- * speed of this work also counts. */
+/* Reports which share, 0 … 1, of the present work after the views is done. From then on, the speed
+ * of this work is included in the remaining time. */
 void course_advance(Course *course, double share);
 /* course_begin() reports that work after the views begins, and course_end() that it has ended.
  * After course_end(), no more work of this kind is expected. `whole` is TRUE if the work was

@@ -29,9 +29,9 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
 /* In this function and the following ones, results has n elements, one for each view; the element
  * of a missing view is NULL. */
 
-/* Sets D and P of all views from their measurements (mdf_views.h), unless they were already set
- * from the same views. settled is called after each view. If cancelled, the remaining views stay as
- * they are. Returns whether any value may have changed. */
+/* Sets D and P of all views from their measurements (mdf_views.h). Does nothing if they were
+ * already set from the same views. settled is called after each view. If cancelled, the remaining
+ * views stay as they are. Returns whether any value may have changed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data);
 

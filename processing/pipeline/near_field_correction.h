@@ -1,9 +1,9 @@
 /* Near-field correction: resamples a BTF to directions that are common to all texels. In the
  * source, each texel was seen and lit from different directions (near_field.h). Its values are
  * interpolated (direction_mesh.h) over the lights of each view, then over views. The result is a
- * session as of import.h, with a BTF and eigen-maps but without frames. Its nominal directions are
- * exact. An MDF is copied unchanged, because it contains the positions of its views and is for the
- * same texels.
+ * session as import.h makes it, with a BTF and eigen-maps but without frames. Its nominal
+ * directions are exact. An MDF is copied unchanged, because it contains the positions of its views
+ * and is for the same texels.
  *
  * The accuracy is estimated from the values themselves:
  *

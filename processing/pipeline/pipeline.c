@@ -364,7 +364,7 @@ static gboolean make_views(struct run *run, GError **error) {
 
 struct columns {
     struct run *run;
-    int *views; /* positions in catalogue->views of the views whose BTF is made */
+    int *views; /* indices into catalogue->views of the views whose BTF is made */
     int n_views;
     int *lights; /* index of each light of the session */
     int n_lights;
@@ -483,7 +483,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     ret->n_predicted = 0;
     for (int view = 0; view < run->n_views; view++)
         ret->n_predicted += run->missing[view];
-    int waiting = 0; /* number of views whose pictures are not taken yet */
+    int waiting = 0; /* number of views that still lack pictures which the plan has */
     for (int view = 0; view < run->n_views; view++)
         waiting += pipeline_state(run, STAGE_BTF, view) == CATALOGUE_WAITING;
     if (n_lights > 0 && ret->n_views == 0 && waiting > 0) {
@@ -543,7 +543,7 @@ static gboolean finish(struct run *run, struct pipeline_result *ret, GError **er
         !made_with_end(run->session, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
-        return TRUE; /* nothing was made: the costs of the earlier run are kept */
+        return TRUE; /* nothing was made, so the costs of the earlier run stay stored */
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);
     double spent_s = (double)(g_get_monotonic_time() - run->started_us) / 1e6;

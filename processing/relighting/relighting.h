@@ -2,38 +2,42 @@
  * Relighting of one view, as by RTI viewers: each picture is predicted from the pictures under all
  * other lights, in order to compare bases of the light. Any thread.
  *
- * ρ_i(x) is the value of texel x under light i (pipeline.h), f_i(x) the fall-off of lamp i
- * (near_field_fall_off()), and P_i = ρ_i f_i the picture that lamp i makes of the sample, relative
+ * ρ_i(x) is the value of texel x under light i (pipeline.h), and f_i(x) the fall-off of lamp i
+ * (near_field_fall_off()). P_i = ρ_i f_i is the picture that lamp i makes of the sample, relative
  * to a white diffuser in the centre. All errors are those of P_i, in two models of the light:
  *
  *   distant  light i has the direction of the sample's centre l_i, and makes Y_i = P_i
  *   near     light i has the direction l_i(x) at each texel, and makes Y_i = P_i / f_i = ρ_i
  *
- * In both, Y_j is predicted from all other lights by weights that depend on the directions only,
+ * In both models, Y_j is predicted from all other lights by weights that depend on the directions
+ * only,
  *
  *   Ŷ_j = Σ_{i≠j} w_ij Y_i,
  *
- * so that one fit is sufficient instead of n fits. Y is encoded as sRGB, which the files of RTI
- * store, so that components and fits have the errors that a person sees. With n lights and k terms:
+ * so that one fit is sufficient instead of n fits. Y is encoded as sRGB, as in the files of RTI, so
+ * that components and fits have the errors that a person sees. With n lights and k terms:
  *
  *   PTM      lx², ly², lx ly, lx, ly, 1 (Malzbender et al. 2001), by least squares
- *   HSH      4, 9 or 16 terms of hsh.h (Gautron et al. 2004), by least squares. With A (n × k) the
- *            terms at the lights and H = A (Aᵀ A)⁻¹ Aᵀ, the fit without light j has
- *              w_ij = H_ij / (1 − H_jj)                            (Allen 1974, PRESS)
- *   RBF      normalised Gaussians of the distance between lights, as Relight has them for its basis
- *            “rbf” (Ponchio et al. 2018): w_ij = e_ij / Σ_{k≠j} e_kj, with e_ij =
- *            exp (−|l_i − l_j|² / σ²). σ is the one of nine with the least error when a light is
- *            left out, at RELIGHTING_PROBES texels. Relight's default of 0.125 is among them.
+ *   HSH      4, 9 or 16 terms of hsh.h (Gautron et al. 2004), by least squares
+ *   RBF      normalised Gaussians of the distance between lights, as in the basis “rbf” of the
+ *            program Relight (Ponchio et al. 2018): w_ij = e_ij / Σ_{k≠j} e_kj, with
+ *            e_ij = exp (−|l_i − l_j|² / σ²). Nine values of σ are tried, among them Relight's
+ *            default of 0.125. The one is taken with the least error when a light is left out, at
+ *            RELIGHTING_PROBES texels.
  *   kriging  the Gaussian process of prediction.h for the ratios Y / g to a mean material g:
  *            w_ij = −(K⁻¹)_ij / (K⁻¹)_jj · g_j / g_i. Its constants are fitted once, to all lights
  *            at RELIGHTING_PROBES texels.
  *
- * RBF and kriging weigh pictures. A file stores these as `planes` principal components of the 3 n
- * values of a texel (Ponchio et al. 2018). The components are those of the values without light
- * j, whose covariance is the covariance of all lights without the three rows and columns of j.
+ * For PTM and HSH, let A (n × k) be the terms at the lights and H = A (Aᵀ A)⁻¹ Aᵀ. The fit without
+ * light j has w_ij = H_ij / (1 − H_jj) (Allen 1974, PRESS).
  *
- * In the near model weights are computed for tiles of texels within which no direction of a light
- * differs by more than RELIGHTING_TILE_DEG from that at the tile's centre.
+ * RBF and kriging weigh pictures. A file stores these pictures as `planes` principal components of
+ * the 3 n values of a texel (Ponchio et al. 2018). The components without light j follow from the
+ * covariance of all lights, without the three rows and columns of j.
+ *
+ * In the near model, the texels of a tile share their weights. Tiles are so small that within a
+ * tile no direction of a light differs by more than RELIGHTING_TILE_DEG from that at the tile's
+ * centre.
  */
 #pragma once
 
@@ -47,9 +51,9 @@ struct relighting {
     struct near_field *near; /* directions and positions of all views */
     int view;                /* index of the view nearest to the normal */
     int width, height;
-    /* Number of lights whose pictures were captured, and the indices of these lights in
-     * near->lights. A picture is left out if more than half of its texels were predicted
-     * (BTF_FLAG_PREDICTED). */
+    /* n_lights: number of lights whose pictures were captured
+     * lights: indices of these lights in near->lights
+     * A picture is left out if more than half of its texels were predicted (BTF_FLAG_PREDICTED). */
     int n_lights, *lights;
     /* ρ: n_lights × height × width × 3 (R, G, B). Holes have the mean of their neighbours
      * (btf_fill_holes()). If all texels of a picture are holes, its values are 0. */

@@ -240,7 +240,8 @@ static void find_components(int j, gpointer data) {
             to->vectors[p * m + (i < 3 * j ? i : i + 3)] = vectors[i * planes + p];
 }
 
-/* Replaces Y (count × 3 n) by its components without light j: mean + (Y − mean) Vᵀ V. */
+/* Replaces Y (count × 3 n) by mean + (Y − mean) Vᵀ V, where V are the components without light
+ * j. */
 static void project(const struct leaving *leaving, int j, const double *y, int count, double *ret) {
     const int m = 3 * leaving->fit.relighting->n_lights, planes = leaving->fit.model->planes;
     const double *v = leaving->components[j].vectors;

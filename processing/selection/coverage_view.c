@@ -42,7 +42,7 @@ struct CoverageView {
     GArray *samples; /* of struct sample */
     /* of guint64: for each texel that is not known, the set of sweeps that saw something there */
     GArray *open;
-    /* for each sweep an array of what it saw at each sample; NULL if the sweep was not added */
+    /* for each sweep, an array of what it saw at each sample; NULL if the sweep was not added */
     struct seen *seen[COVERAGE_MAX_SWEEPS];
     double frame_mm[COVERAGE_MAX_SWEEPS];
 };

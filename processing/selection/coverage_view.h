@@ -3,11 +3,12 @@
  * as for the MDF (mdf/mdf.h), but for a few texels and from single pixels. This is fast enough to
  * be done for every sweep while a session is captured.
  *
- * A texel is known if two sweeps agree on its distance, and if those that agree are at least
- * half of those that saw something there. Light reflected by the surroundings does not agree.
- * The distance is taken at the pixel next to the texel's centre that sees the laser, so that all
- * sweeps look along the same ray. Sheets of light are used as calibrated. The corrections of
- * laser_lines.h are smaller than half a texel, which is the tolerance of distances.
+ * A texel is known if at least two sweeps agree on its distance, and if at least half of the sweeps
+ * that saw something there agree. Light reflected by the surroundings does not agree. The distance
+ * is taken at the pixel next to the texel's centre that sees the laser, so that all sweeps look
+ * along the same ray. The sheets of light are those of the calibration. The corrections of
+ * laser_lines.h are not needed, because they are smaller than half a texel, which is the tolerance
+ * of distances.
  *
  * coverage_view_add() may be called in any thread for different sweeps of one view. All other
  * functions may only be called when no coverage_view_add() is running. */

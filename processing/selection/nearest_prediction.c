@@ -30,8 +30,9 @@ struct NearestPrediction {
     int *neighbours, *n_neighbours;
     float *weights;
     double *variance; /* n_missing: k_uu − k_Suᵀ w_u */
-    double *energy;   /* n_pairs: mean of ρ² over the rows of probes, measured or predicted */
-    double total;     /* Σ energy */
+    /* n_pairs: for each pair, the mean of ρ² over the rows of probes, measured or predicted */
+    double *energy;
+    double total; /* Σ energy */
     /* maximum of g at measured pairs, which is also the maximum of g at missing pairs */
     double max_mean;
     /* Minimum of the cosines cos θ_v and cos θ_l at measured pairs. The diffuse part of g does not
@@ -62,7 +63,7 @@ struct candidates {
     int n;
     const double *k;    /* n: covariance of each pair with the target */
     double most;        /* pairs whose covariance is larger than this are left out */
-    const int *without; /* the group that is left out; NULL if there is none */
+    const int *without; /* the group whose pairs are left out; NULL if there is none */
 };
 
 static gboolean may_use(const struct candidates *from, int i) {

@@ -7,18 +7,19 @@
  *   g = d_c cos θ_l exp (e_v (1 − cos θ_v) + e_l (1 − cos θ_l))
  *     + Σ s (1 + |A (h_xy / h_z − m)|² / γ)^−γ / (cos^p θ_v cos^q θ_l)
  *
- * with the half vector h of v and l (γ = 2: the shape of Trowbridge and Reitz 1975, γ → ∞ that of
- * Ward 1992). g uses the exact directions of each texel. Near a camera or a lamp these differ by
- * several degrees over a sample, which changes a highlight considerably.
+ * d_c is the reflectance of the diffuser for the colour c. The sum is over the lobes. h is the half
+ * vector of v and l. The shape of a lobe is that of Trowbridge and Reitz 1975 for γ = 2, and that
+ * of Ward 1992 for γ → ∞. All other letters are parameters of the fit. The lobes are limited to
+ * their maximum at the measured pairs, so that no lobe appears where nothing was measured.
  *
- * The lobes are limited to their maximum at the measured pairs, so that no lobe appears where
- * nothing was measured.
+ * g uses the exact directions of each texel. Near a camera or a lamp these differ by several
+ * degrees over a sample, which changes a highlight considerably.
  *
  * The ratios z = ρ / g of one texel and colour (a row) over pairs p = (v, l) are modelled as a
  * Gaussian process of mean 0. Its covariance k(p, p') is the same for all texels of a material,
  * except for a factor s² of each texel (Rasmussen and Williams 2006, §2.2; kriging: Cressie 1993,
- * §3.2). With v, l nominal unit vectors, h the unit half vector of v and l (Rusinkiewicz 1998), and
- * d_v = |v − v'|, with d_l and d_h defined in the same way:
+ * §3.2). v and l are nominal unit vectors, and h is the unit half vector of v and l (Rusinkiewicz
+ * 1998). With d_v = |v − v'|, and d_l and d_h defined in the same way:
  *
  *   k = 1 + c₁ l·l'                                          albedo; a normal that is tilted
  *     + c₂ exp (−d_v / a₂ − d_l / b₂)                        the visible part of the relief
@@ -26,12 +27,14 @@
  *     + c₄ exp (−d_h / a₄ − d_v / b₄)                        highlights
  *     + ε δ_pp'                                              independent of neighbouring pairs
  *
- * The constants are fitted to the material. They minimise the squared error with which measured
- * pairs are predicted when all pairs that were taken together are left out together (a shot shows
- * the same light to all cameras). With K the covariance of the measured pairs, the weights of a
- * missing pair u are k_uᵀ K⁻¹, the same for all texels and colours. The variance of ρ is g² s²
- * (k_uu − k_uᵀ K⁻¹ k_u), where s² = yᵀ K⁻¹ y / m for the m measured ratios y of the row. A factor
- * from the same cross-validation is chosen so that 95 % of the left-out values are within 2 σ.
+ * The constants are fitted to the material by cross-validation: all pairs that were taken together
+ * are left out together and predicted, and the squared error is minimised. (A shot shows the same
+ * light to all cameras.) A factor from the same cross-validation is chosen so that 95 % of the
+ * left-out values are within 2 σ.
+ *
+ * With K the covariance of the measured pairs, the weights of a missing pair u are k_uᵀ K⁻¹, the
+ * same for all texels and colours. The variance of ρ is g² s² (k_uu − k_uᵀ K⁻¹ k_u), where s² = yᵀ
+ * K⁻¹ y / m for the m measured ratios y of the row.
  *
  * Results depend only on the arguments, not on threads. Objects are constant after
  * prediction_new(): any thread. */

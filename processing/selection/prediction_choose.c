@@ -1,12 +1,12 @@
 /* The choice of shots. The algorithm is greedy and minimises the sum of the conditional variances
- * of some pairs (targets). Let S be the pairs that are measured or chosen. C = k − k_·S K_S⁻¹ k_S·
- * is the conditional covariance. A shot of pairs B reduces the sum by tr (C_BB⁻¹ C_BT C_TB). Then C
- * becomes C − C_·B C_BB⁻¹ C_B·.
+ * of some pairs (targets T). Let S be the pairs that are measured or chosen. C = k − k_·S K_S⁻¹
+ * k_S· is the conditional covariance. A shot of pairs B reduces the sum by tr (C_BB⁻¹ C_BT C_TB).
+ * Then C becomes C − C_·B C_BB⁻¹ C_B·.
  *
- * Memory holds C of pairs against targets, and a factor F with F Fᵀ = k − C of all pairs, from
- * which C of pairs against the chosen ones follows. Gains change little, and only decrease. A
- * shot's gain is therefore computed again only if its previous value would still be the largest
- * (Minoux 1978). */
+ * Two matrices are kept in memory: C of all pairs against the targets, and a factor F of all pairs
+ * with F Fᵀ = k − C. C between any two pairs follows from F. The gain of a shot changes little, and
+ * only decreases. It is therefore computed again only if its previous value would still be the
+ * largest (Minoux 1978). */
 #include "prediction.h"
 
 #include <cblas.h>

@@ -6,13 +6,13 @@
  *                    the dark levels of a dark shot (float)
  *     laser/…exr     one per shot and camera: the peaks of a laser sweep (float)
  *     frames/…/…exr  single raw frames of a shot and camera, if the session keeps them
- *     laser/…/…exr   the same for a laser sweep
+ *     laser/…/…exr   single raw frames of a laser sweep, if the session keeps them
  *     products/…     results of processing
  *
  * daemon/capture/intake/intake.h describes the files below frames and laser.
  *
  * The row of a frame is committed after its file is on disk, so that every row has its file. One
- * process writes the plan, shots and frames, and holds an exclusive lock (SESSION_CAPTURE). Any
+ * process writes the plan, shots and frames, and has an exclusive lock (SESSION_CAPTURE). Any
  * number of processes may read the session, or write products, at the same time. A Session belongs
  * to one thread at a time. */
 #pragma once

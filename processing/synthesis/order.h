@@ -9,7 +9,8 @@
 
 /* Returns the period in texels, or 0 if there is none. Along each axis, the period is the lag of
  * the first peak of ρ that is at least 0.3 and at least 0.1 above the minimum before it. Lags from
- * 3 texels to half of the sample are considered. The larger period of the two axes is returned. */
+ * 3 texels to half of the sample are considered. If both axes have a period, the larger one is
+ * returned. */
 int order_period(const struct texel_features *features);
 
 /* Returns the RMS difference between ρ of the sample and ρ of a map. Lags are at most a third of

@@ -25,7 +25,7 @@ struct columns {
     float *means;  /* n_views × a_view: means of the columns */
     float *omega;  /* Ω: (n_views × a_view + n_depths) × WIDE */
     float *y;      /* Y: n_texels × WIDE */
-    double *parts; /* for each block of columns: the sum of its squares */
+    double *parts; /* for each block of columns, the sum of the squares of its values */
     GMutex lock;
     GError *error; /* the first error */
 };

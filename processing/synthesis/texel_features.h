@@ -54,7 +54,7 @@ static inline const float *texel_features_at(const struct texel_features *f, int
     return f->values + (gsize)f->n * ((gsize)y * (gsize)f->width + (gsize)x);
 }
 
-/* Returns the mean of the features over each square of side × side texels whose first texel is (x,
- * y). The result has the shape of the features. It is 0 for squares that extend beyond the
- * sample. */
+/* Returns, for each texel (x, y), the mean of the features over the square of side × side texels
+ * whose first texel is (x, y). The result has the shape of the features. It is 0 for squares that
+ * extend beyond the sample. */
 struct texel_features *texel_features_averaged(const struct texel_features *from, int side);

@@ -2,11 +2,12 @@
  * and the map is filled from coarse to fine. Each texel p of the map gets a texel s of the sample
  * whose neighbourhood has the textons that are already around p.
  *
- * The cost of s at p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 × 5 offsets d, with t the
- * texton of a texel and c its centre. There are two kinds of candidates. The first continue a
- * neighbour of p in the sample: the texels s (p + d) − d. The second are texels whose neighbourhood
- * is similar to the neighbourhood of one of the first kind. The result has the statistics of the
- * sample, but not its long-range order. */
+ * The cost of s at p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 × 5 offsets d, where t is
+ * the texton of a texel and c the centre of a texton. There are two kinds of candidates:
+ * - texels s (p + d) − d, which continue a neighbour of p in the sample. s (p + d) is the texel of
+ *   the sample that was chosen for the neighbour.
+ * - texels whose neighbourhood is similar to that of a candidate of the first kind.
+ * The result has the statistics of the sample, but not its long-range order. */
 #pragma once
 
 #include "index_map.h"

@@ -1,16 +1,18 @@
 /*
- * Makes the textures from which a WebGL page draws a material. They hold the same numbers as the
- * textures of mesorig-view's methods lpca-revised (lpca_volumes.h,
- * renderer/drawing/methods/lpca_revised.h) and neural (neural_drawing.h), and of the shell of an
- * MDF (mdf_shell.h), so that the page shows the same picture as the viewer. Any thread.
+ * Makes the textures from which a WebGL page draws a material. They have the same numbers as the
+ * textures of mesorig-view, so that the page shows the same picture as the viewer. These are the
+ * textures of the methods lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h)
+ * and neural (neural_drawing.h), and of the shell of an MDF (mdf_shell.h). Any thread.
  *
- * Sections. L is the number of mip levels; K, c and n are in the header of the file ("clusters" of
- * all levels, "components", "grid"):
+ * A local PCA has these sections. L is the number of mip levels. K, c and n are in the header of
+ * the file: "clusters" (of all levels), "components" and "grid".
+ *
  *   clusters      for each level, texels × uint16: cluster, counted through all levels
  *   weights       for each level, texels × c halves
  *   scales        K × c floats, by which the weights of a cluster are multiplied
  *   means         K blocks of (n² + 1) × n² × 3 halves
  *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
+ *
  * Neural planes have other sections instead of these five. The header has "neural": "channels";
  * "plane", the number of rows of the planes; "sky", columns and rows of the sky; "heights", minimum
  * and step of heights in texels.
@@ -19,9 +21,11 @@
  *   planes        floats of neural_shader_planes()
  *   sky           halves: neural_shader_sky()
  *   network       text of neural_shader_network()
- * Both have:
+ *
+ * A local PCA and neural planes have:
  *   shell         the values of mdf_shell.h: depth × height × width bytes; only if there is an MDF.
  *                 The header has the other members of mdf_shell.h in "shell".
+ *
  * The following sections have the measured views of the MDF. They are missing if there is no MDF,
  * or if its views cannot be triangulated. The header has width, height and the number of views in
  * "along".
