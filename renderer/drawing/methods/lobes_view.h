@@ -8,15 +8,16 @@
  * measured, the mean of the topmost ring stands for it.
  *
  * In the models of Ward and of Ashikhmin and Shirley, the tangent has the azimuth of the surface's
- * anisotropy, and the normal is the perturbed one. With these two models, METHOD_ROTATION_EXACT is
- * exactly the fitted model. The other rotations are the approximations that Kang & Cho 2011 compare
- * with the exact one.
+ * anisotropy, and the normal is the texel's own (lobes.h). With these two models,
+ * METHOD_ROTATION_EXACT draws exactly the fitted model. The other rotations are the approximations
+ * that Kang & Cho 2011 compare with the exact one.
  *
  * Parameters of different texels cannot be averaged. Instead, four texels are evaluated in each of
  * two mip levels, and the results are interpolated. Mip levels have separate models
- * (lobes_levels.h). A file may lack mip levels. An even sky is replaced by 16 lights, each of which
- * stands for the same solid angle. The sum of the reflectances under these lights is computed
- * beforehand for each texel and measured view.
+ * (lobes_levels.h). A file may lack mip levels.
+ *
+ * An even sky is replaced by 16 lights, each of which stands for the same solid angle. The sum of
+ * the reflectances under these lights is computed beforehand for each texel and measured view.
  */
 #pragma once
 

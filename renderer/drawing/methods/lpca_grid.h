@@ -2,17 +2,20 @@
  * Local PCA, drawn faster than by lpca_view.h and lpca_revised.h. The eigen-BRDFs are resampled on
  * a regular grid of the hemisphere's square (directions.h), for views and for lights. The square
  * replaces the elevated concentric map of Schneider 2004 §6. Between the samples, the eigen-BRDFs
- * are linear in the simplex of the four coordinates around (v, l). This takes five samples. Three
- * measured views and three measured lights (lpca_view.h) take nine. A 3D texture, with the fourth
- * coordinate interpolated by the shader (lpca_revised.h), takes sixteen in two filtered fetches.
+ * are linear in the simplex of the four coordinates around (v, l).
  *
- * All values of a sample are stored together. The first 16 bytes hold the mean and four components.
+ * This takes five samples. The other methods take more: lpca_view.h takes nine, for three measured
+ * views and three measured lights. lpca_revised.h takes sixteen in two filtered fetches of a 3D
+ * texture, and the shader interpolates the fourth coordinate.
+ *
+ * All values of a sample are stored together. The first 16 bytes have the mean and four components.
  * The mean has nine bits per colour and an exponent. Components are signed bytes, and their scales
- * are included in the weights of the texels. Each further 16 bytes hold further components. If the
- * four texels around a pixel belong to one cluster, the pixel takes these fetches for c components,
- * with p = ⌈c/4⌉:
+ * are included in the weights of the texels. Each further 16 bytes have further components.
  *
- *   c           directions    texels      eigen-BRDFs                  these at c = 2, 4, 8
+ * The table gives the fetches of a pixel for c components, with p = ⌈c/4⌉, if the four texels
+ * around the pixel belong to one cluster:
+ *
+ *               directions    texels      eigen-BRDFs                  eigen-BRDFs at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10

@@ -18,10 +18,11 @@ struct microfacet {
 };
 
 /*
- * Two surfaces that need no file, each with both models: brushed metal under a normal map, and a
- * plain weave of yarns with alternating directions of anisotropy. The parameters of the surfaces
- * are in microfacet_view.c. Under an even sky, both surfaces reflect diffuse + specular. The
- * normals of a file can replace those of the metal (struct method, takes_normals).
+ * Two surfaces that need no file, each with two models (Ward, and Ashikhmin and Shirley): brushed
+ * metal under a normal map, and a plain weave of yarns with alternating directions of anisotropy.
+ * The parameters of the surfaces are in microfacet_view.c. Under an even sky, both surfaces reflect
+ * diffuse + specular. The normals of a file can replace the normals of the metal (struct method,
+ * takes_normals).
  */
 enum microfacet_surface { MICROFACET_METAL, MICROFACET_FABRIC };
 

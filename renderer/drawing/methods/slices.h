@@ -1,8 +1,9 @@
 /*
- * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card. One array texture of
- * halves holds their values: each slice (one per view, or a single one for all views) has n_pages
- * layers of four values. Another array texture holds the reflectance of each view under an even
- * sky. The table of views is in the textures of direction_table.h.
+ * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card. Their values are in one
+ * array texture of halves, divided into slices. There is one slice per view, or a single one for
+ * all views. A slice has n_pages layers of four values per texel. Another array texture has the
+ * reflectance of each view under an even sky. The table of views is in the textures of
+ * direction_table.h.
  */
 #pragma once
 
@@ -35,11 +36,10 @@ struct slices {
     /* for each channel of each page, the index of the value in a texel; −1 if the channel is not
      * used */
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
-    /* The following members are set by slices_upload().
-     * values: texture of the models' values
-     * ambients: texture of the reflectance under an even sky, with a layer for each view and one
-     * for the pole pole: texture of the indices of the views whose mean stands for the pole
-     * (lobes.glsl) */
+    /* The following members are set by slices_upload(). Textures are:
+     * - values: the models' values
+     * - ambients: the reflectance under an even sky, a layer for each view and one for the pole
+     * - pole: the indices of the views whose mean stands for the pole (lobes.glsl) */
     int width, height; /* texels of level 0 */
     guint values, ambients, pole;
     struct direction_textures views;
