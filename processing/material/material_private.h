@@ -17,9 +17,9 @@ struct mesorig_material {
     /* relative RMS error of the model against the BTF (codec.h); −1 if not known */
     double error;
     struct material_relief *relief; /* NULL if there is none */
-    /* The sampler. material_sample.c makes the sampler at the first call, under the lock, and reads
-     * the pointer atomically. The sampler is freed with the material. The lock is of a kind that
-     * ThreadSanitizer knows, unlike GLib's locks. */
+    /* The sampler. material_sample.c makes it at the first call, under the lock, and reads the
+     * pointer atomically. It is freed with the material. The lock is not one of GLib's locks,
+     * because ThreadSanitizer does not know these. */
     pthread_mutex_t sampling_lock;
     gpointer sampling;
     GDestroyNotify sampling_free;

@@ -12,9 +12,10 @@ struct mdf_candidate {
     /* Bends along x and y over one spacing of the pixels that see the laser, then along x and y
      * over two spacings (mdf_errors.h). NAN if unknown. */
     float bend_mm[MDF_BENDS];
-    float tolerance_mm; /* > 0; a candidate that is this close to the mode agrees with it */
-    float frame_mm;     /* > 0: depth of a frame of the sweep, along the ray */
-    int sweep;          /* number of the sweep; at most one candidate of a sweep is right */
+    /* > 0; a candidate agrees with the mode if it is at most this far from it */
+    float tolerance_mm;
+    float frame_mm; /* > 0: depth of a frame of the sweep, along the ray */
+    int sweep;      /* number of the sweep; at most one candidate of a sweep is right */
     double weight;
 };
 

@@ -69,8 +69,8 @@ static gboolean add_crossing(const struct net *net, const int from[3], int axis,
     return TRUE;
 }
 
-/* Makes the vertex of a cell if the surface crosses the cell. cell is the index of the cell's first
- * corner among the samples. */
+/* Makes the vertex of a cell if the surface crosses the cell. cell has the indices of the sample
+ * that is the cell's first corner. */
 static void add_vertex(struct net *net, const int cell[3]) {
     double sum[3] = {0.0}, gradient[3];
     int n = 0;

@@ -267,7 +267,8 @@ struct look {
     struct place at;
     float distance; /* of the nearest texel */
     int texel[4];
-    float weight[4]; /* the sum is 1; 0 for a texel of another surface */
+    /* weights of the texels, with the sum 1; 0 for a texel that is on another surface */
+    float weight[4];
 };
 
 static void examine(const Reprojection *s, const struct eye *eye, struct vec3 p, struct look *ret) {

@@ -10,16 +10,17 @@
 /* The mesh at the point where a ray enters. Lengths are in any unit, the same for all. For a flat
  * sample, tile is its size and all other members are 0. */
 struct shell_surface {
-    double tile[2];    /* length of a tile along u and along v */
-    double bend[3];    /* second fundamental form (L, M, N) along tangent and bitangent; the normal
-                          curvature is positive where the mesh bends away */
+    double tile[2]; /* length of a tile along u and along v */
+    /* Second fundamental form (L, M, N) along tangent and bitangent. The normal curvature is
+     * positive where the mesh bends away from the outward normal. */
+    double bend[3];
     double stretch[4]; /* gradients of ln tile[0] and of ln tile[1] along tangent and bitangent */
 };
 
 /* The point where a ray meets the structure. */
 struct shell_hit {
-    double distance; /* along the ray, from the mesh, in the unit of the surface */
-    double depth_mm; /* below the reference plane, in the flat sample */
+    double distance; /* distance along the ray from the mesh, in the unit of the surface */
+    double depth_mm; /* depth in mm below the reference plane of the flat sample */
     double u, v;     /* the nearest point of the mesh, in tiles; v is along the rows, downwards */
     double view[3];  /* unit vector against the ray, in the frame of the mesh at (u, v) */
 };

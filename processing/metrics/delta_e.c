@@ -30,8 +30,9 @@ static double cos_deg(double angle) {
     return cos(angle * G_PI / 180);
 }
 
-/* Gives the difference h2 − h1 and the mean of two hues in degrees, along the shorter arc. If one
- * of the colours is grey, it has no hue; the difference is then 0 and the mean h1 + h2. */
+/* Gives the difference h2 − h1 and the mean of two hues in degrees, along the shorter arc. A grey
+ * colour has no hue: if one of the colours is grey, the difference is 0, and the mean is h1 +
+ * h2. */
 static void hues(double h1, double h2, gboolean grey, double *ret_difference, double *ret_mean) {
     double difference = grey ? 0 : h2 - h1, mean = grey ? h1 + h2 : (h1 + h2) / 2;
     if (!grey && fabs(h1 - h2) > 180) {

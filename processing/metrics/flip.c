@@ -261,7 +261,8 @@ static float *features(const float *const luminances[2], int width, int height,
     return ret;
 }
 
-/* Converts a picture, clipped to 0 … 1, to Y Cx Cz. ret_luminance gets its luminance of 0 … 1. */
+/* Converts a picture, clipped to 0 … 1, to Y Cx Cz. ret_luminance receives the luminance of each
+ * pixel, 0 … 1. */
 static struct planes load(const float *rgb, int width, int height, float *ret_luminance) {
     const gsize n = (gsize)width * (gsize)height;
     struct planes ret = planes_new(width, height);

@@ -13,7 +13,7 @@ struct PartialForecast {
     gint references;
     NearestPrediction *prediction;
     int n_measured;
-    int n_fitted; /* number of measured pairs to which the model was fitted */
+    int n_fitted; /* number of pairs that were measured when the model was fitted */
     struct partial_later later[PARTIAL_LATER];
     int n_later;
 };

@@ -34,8 +34,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(PartialForecast, partial_forecast_unref)
 
 /* Returns the number of measured pairs of the sample from which the forecast was made. */
 int partial_forecast_n_measured(const PartialForecast *forecast);
-/* Return the expected relative error of the whole BTF (nearest_prediction_error()), and the
- * expected error of a pair relative to its own values (nearest_prediction_pair_error()). */
+/* partial_forecast_error() returns the expected relative error of the whole BTF
+ * (nearest_prediction_error()). partial_forecast_pair_error() returns the expected error of a pair,
+ * relative to the values of this pair (nearest_prediction_pair_error()). */
 double partial_forecast_error(const PartialForecast *forecast);
 double partial_forecast_pair_error(const PartialForecast *forecast, int pair);
 /* Gives the range of the error of the whole BTF (nearest_prediction_error_range()). */

@@ -254,7 +254,8 @@ GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kin
     return sum;
 }
 
-/* Begins a hash of a view's inputs with the shared inputs and the view itself. */
+/* Begins a hash of a view's inputs. It contains the inputs that all views share, and the view
+ * itself. */
 static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
                                 const struct session_direction *view) {
     GChecksum *sum = catalogue_checksum(catalogue, kind);

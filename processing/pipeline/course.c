@@ -27,7 +27,7 @@ struct Course {
     /* work that this run has finished, not counting the elements of tasks */
     struct time_left_made made[TIME_LEFT_WORKS];
     double expected[TIME_LEFT_WORKS];
-    int working;     /* enum time_left_work of the present work after the views; −1 if none */
+    int working; /* present work after the views, of enum time_left_work; −1 if there is none */
     double worked_s; /* CPU time of the process when the present work began */
     double share;    /* share of the present work that is done; 0 if unknown */
     struct time_left_speed speed;

@@ -48,13 +48,14 @@ struct run {
     int n_views;
     gboolean *made[N_STAGES]; /* whether the product of each view of a stage is made */
     GHashTable *whole;        /* relative paths of intact products */
-    int n_damaged;            /* number of damaged products made by the pipeline */
-    char *lock_path;          /* path of the lock file */
-    int lock;                 /* lock file, held while products are made */
-    char **btf_inputs;        /* hash of the inputs of each view that is made */
-    int *missing;             /* number of missing lights of each view in the BTF */
-    struct mdf_result **mdf;  /* MDF of each view that is made; NULL for other views */
-    gboolean mdf_dirty;       /* whether the file of the MDF must be written */
+    /* number of products that were damaged or missing, of the kinds that the pipeline makes */
+    int n_damaged;
+    char *lock_path;         /* path of the lock file */
+    int lock;                /* lock file, held while products are made */
+    char **btf_inputs;       /* hash of the inputs of each view that is made */
+    int *missing;            /* number of missing lights of each view in the BTF */
+    struct mdf_result **mdf; /* MDF of each view that is made; NULL for other views */
+    gboolean mdf_dirty;      /* whether the file of the MDF must be written */
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
     int settled; /* number of views of the MDF whose D and P are set from all views */
@@ -199,7 +200,8 @@ static double megatexels(const struct run *run) {
     return (double)run->catalogue->grid.width * run->catalogue->grid.height / 1e6;
 }
 
-/* Returns the cost of a view for the time left, in million pixels of its frames or sweeps. */
+/* Returns the cost of a view, from which the time left is computed. The unit is a million pixels of
+ * the view's frames or sweeps. */
 static struct time_left_task pipeline_cost(const struct run *run, enum stage stage, int view) {
     const struct catalogue *catalogue = run->catalogue;
     const struct session_direction *direction = g_ptr_array_index(catalogue->views, view);
@@ -445,7 +447,8 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
     return ok;
 }
 
-/* Predicts the pictures that were left out on purpose from the captured pictures of all views. */
+/* Predicts the pictures that were left out on purpose. The prediction uses the captured pictures of
+ * all views. */
 static gboolean predict(struct run *run, struct pipeline_result *ret, GError **error) {
     struct work work = run->options->work;
     struct prediction_product product;

@@ -110,8 +110,8 @@ static gboolean product_take_view(struct product_job *job, int view, GError **er
     return TRUE;
 }
 
-/* Groups the pairs that the cameras take together, which have the same angle of the turntable and
- * the same light. */
+/* Puts the pairs that the cameras take together into one group: those with the same angle of the
+ * turntable and the same light. */
 static void product_set_groups(struct product_job *job, const int *views) {
     for (int v = 0; v < job->n_views; v++) {
         const struct session_direction *view = job->catalogue->views->pdata[views[v]];
@@ -198,8 +198,8 @@ static gboolean product_gather(const struct product_job *job, int first, int n, 
     return TRUE;
 }
 
-/* Fits the prediction to PROBES texels, or to all if there are fewer. The texels are taken in steps
- * of the golden section, so that they do not coincide with the period of a weave. */
+/* Fits the prediction to PROBES texels, or to all texels if there are fewer. The texels are taken
+ * in steps of the golden section, so that their distances do not match the period of a weave. */
 static gboolean product_learn(struct product_job *job, const struct work *work, GError **error) {
     const int n = (int)MIN(job->n_texels, PROBES);
     const gsize pairs = (gsize)job->n_views * (gsize)job->n_lights;

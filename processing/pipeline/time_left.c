@@ -8,9 +8,10 @@
 #define NEAR_DEG   10.0
 #define FAR_WEIGHT 0.02 /* minimum of this weight */
 /* a task that is overdue is expected to take this factor of the time that it has run */
-#define OVERDUE     1.25
-#define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates count fully */
-#define RATE_WEIGHT 0.2  /* weight of the stored rate; a made view of the same elevation has 1 */
+#define OVERDUE  1.25
+#define ENOUGH_S 10.0 /* minimum CPU time of a run whose rates count fully */
+/* weight of the stored rate; a view that is made, at the same elevation, has the weight 1 */
+#define RATE_WEIGHT 0.2
 /* If a task has run for longer than estimated, this share of the estimate is still assumed to be
  * left. */
 #define MIN_LEFT   0.05
@@ -81,8 +82,8 @@ void time_left_rates_learn(struct time_left_rates *rates,
     }
 }
 
-/* s[stage][θ] is the CPU time in seconds of one unit of work of the stage, in a view at θ, rounded
- * to whole degrees. */
+/* s[stage][θ] is the CPU time in seconds of one unit of work of the stage, in a view at θ. θ is in
+ * whole degrees, rounded. */
 struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };

@@ -27,9 +27,9 @@ struct time_left_rates {
     double unit_s[TIME_LEFT_WORKS];
 };
 
-/* Reads the rates of this user's earlier runs on this machine from a file in the user's cache.
- * Returns FALSE if there is no such file. The rates are then the rates of one particular processor,
- * which may be wrong by a factor of two or three. */
+/* Reads the rates of this user's earlier runs on this machine from a file in the user's cache. If
+ * there is no such file, returns FALSE and gives the rates of one particular processor, which may
+ * be wrong by a factor of two or three. */
 gboolean time_left_rates_load(struct time_left_rates *ret);
 /* Writes the rates that are above 0. Ignores failures, because the file is not necessary. */
 void time_left_rates_save(const struct time_left_rates *rates);
@@ -53,7 +53,7 @@ struct time_left_task {
     double theta_deg; /* views at one polar angle take a similar time */
     double units;
     enum { TIME_LEFT_WAITS, TIME_LEFT_RUNS, TIME_LEFT_MADE } state;
-    double cpu_s; /* CPU time that the task took (if made), or has taken so far (if it runs) */
+    double cpu_s; /* CPU time that the task took if it is made, or has taken so far if it runs */
 };
 
 /* Returns the seconds that n_threads, with a processor each, will need for all tasks that are not
@@ -63,7 +63,7 @@ struct time_left_task {
 double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
                          const struct time_left_rates *rates);
 
-/* The recent speed of the process; to be zeroed before use. */
+/* The recent speed of the process. All members must be 0 before use. */
 struct time_left_speed {
     /* Decaying sums of CPU time, of the time for which threads had work (summed over the threads),
      * and of real time. */

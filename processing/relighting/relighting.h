@@ -101,8 +101,9 @@ float *relighting_pictures(const Relighting *relighting);
 
 /* Errors of predicted pictures, over all lights (metrics/psnr.h, ssim.h, flip.h). */
 struct relighting_errors {
-    double psnr_db;    /* of all values */
-    double ssim, flip; /* means over the pictures; ssim is NaN for less than 11 × 11 texels */
+    double psnr_db; /* of all values */
+    /* means over the pictures; ssim is NaN if a picture has less than 11 × 11 texels */
+    double ssim, flip;
 };
 /* Compares pictures of relighting_pictures() and relighting_leave_out(). ret_light_db receives the
  * PSNR of each light in dB; it may be NULL. */

@@ -74,7 +74,7 @@ static gboolean press(const struct relighting_model *model, const struct vec3 *l
     return TRUE;
 }
 
-/* The exponents are relative to that of the nearest light, so that their sum is at least 1. */
+/* e_ij is divided by the e of the nearest light, so that the sum of all e is at least 1. */
 static void gaussians(double sigma, const struct vec3 *lights, int n, double *ret) {
     for (int j = 0; j < n; j++) {
         double *column = ret + (gsize)j * (gsize)n, nearest = INFINITY, sum = 0;

@@ -217,8 +217,8 @@ static int compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts `open`, so that coverage_view_expects() finds equal patterns of sweeps next to each
- * other. */
+/* Sorts `open`. Equal patterns of sweeps are then next to each other, as coverage_view_expects()
+ * needs them. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view) {
     struct coverage_sums sums = {.texels = (int)view->samples->len};
     g_array_set_size(view->open, 0);

@@ -83,7 +83,7 @@ static void choice_set_pairs(struct choice *choice, const struct prediction_shot
                 choice_add_pair(choice, shots[candidates[k]].pairs[i]);
 }
 
-/* Computes C, F, left and to_all given the measured pairs. */
+/* Computes C, F, left and to_all for the pairs that are measured. */
 static void choice_condition(struct choice *choice) {
     const Prediction *prediction = choice->prediction;
     const int m = prediction->n_measured, n = choice->n_pairs, t = choice->n_targets;

@@ -95,7 +95,8 @@ const float *input_mosaic(const char *path, struct exr_part *part, const char **
     return mosaic;
 }
 
-/* Hashes the text with its terminating 0, so that a sequence of texts is unambiguous. */
+/* The terminating 0 of the text is hashed as well, so that the texts of a sequence cannot be
+ * confused with other texts. */
 void input_hash(GChecksum *checksum, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

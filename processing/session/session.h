@@ -70,7 +70,7 @@ struct session_grid {  /* the texels of the reference plane, in the sample frame
 struct session_direction {
     int index;  /* position among the directions of its kind, from 0 */
     int device; /* index of the camera, lamp or laser in the calibration */
-    /* planned angles; for a view, with the turntable at turntable_deg */
+    /* planned angles; for a view, those with the turntable at turntable_deg */
     double theta_deg, phi_deg;
     double turntable_deg; /* for a view, the turntable angle that shows it */
     char *note;           /* what was changed in the plan, or NULL */
@@ -128,8 +128,8 @@ struct session_frame {
     gint64 bytes;
     int retakes;
     double captured_s; /* time of the exposure on the session's clock */
-    /* whether the turntable turned during the exposure; if it did, the session's value
-     * "turned/SHOT/CAMERA" stores turntable_deg */
+    /* Whether the turntable turned during the exposure. If it did, turntable_deg is stored in the
+     * session's value "turned/SHOT/CAMERA". */
     gboolean turned;
     /* if turned, the angle of the turntable in the middle of the exposure; otherwise 0 */
     double turntable_deg;
@@ -170,8 +170,8 @@ struct session_plan {
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
 /* Opens an existing session. The error is SESSION_ERROR_FORMAT if there is no session, or if it is
- * damaged or of another version. The error is SESSION_ERROR_LOCKED if the mode is SESSION_CAPTURE
- * and another process captures into the session. */
+ * damaged or of another version. It is SESSION_ERROR_LOCKED if the mode is SESSION_CAPTURE and
+ * another process captures into the session. */
 Session *session_open(const char *path, enum session_mode mode, GError **error);
 void session_close(Session *session); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Session, session_close)
@@ -285,8 +285,8 @@ enum session_files { SESSION_FRAMES, SESSION_PRODUCTS_MADE };
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error);
 
-/* Checks one file. Returns NULL if the file is as it was committed. remedy is not set in the
- * result. Any thread. */
+/* Checks one file. Returns NULL if the file is as it was committed, otherwise its damage without
+ * the member remedy. Any thread. */
 struct session_damage *session_examine(const Session *session, const char *relative,
                                        const char *sha256);
 

@@ -1,5 +1,5 @@
-/* Access to SQLite. A database may come from a stranger. It is opened only if its format, the texts
- * of its tables and its structure are as this program writes them. */
+/* Access to SQLite. A database may be hostile, because it may come from a stranger. It is opened
+ * only if its format, the texts of its tables and its structure are as this program writes them. */
 #include "session_private.h"
 #include "session_schema.h"
 

@@ -220,7 +220,8 @@ static void examine_row(int number, gpointer data) {
     examination->damages[number] = session_examine(examination->session, row->path, row->sha256);
 }
 
-/* Reads the rows first, then hashes the files in parallel without the database. */
+/* The rows are read first. The files are then hashed in parallel, without access to the
+ * database. */
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error) {
     const gboolean frames = files == SESSION_FRAMES;

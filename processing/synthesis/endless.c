@@ -124,7 +124,8 @@ static void place_centre(struct endless_choice *c, int k, gboolean again, GRand 
     add(&c->all, &best, 1);
 }
 
-/* Returns copies with means of 0 and deviations of 1. A picture without contrast becomes 0. */
+/* Returns copies of the pictures with a mean of 0 and a standard deviation of 1. A picture without
+ * contrast becomes 0. */
 static float *normalise(int pixels, int n, const float *pictures) {
     float *ret = g_new(float, (gsize)pixels *(gsize)n);
     for (int k = 0; k < n; k++) {

@@ -80,7 +80,7 @@ static void texton_start(const struct texton_level *level, const struct texel_fe
 }
 
 /* Clusters the averaged features into textons by k-means. Then computes the squared distances of
- * the centres, and their mean over pairs of texels (outside). */
+ * the centres, and sets outside to the mean of these distances over pairs of texels. */
 static void texton_cluster(struct texton_level *level, const struct texel_features *values,
                            GRand *random) {
     const gsize n = (gsize)values->n, textons = (gsize)level->n_textons;

@@ -46,8 +46,8 @@ static void free_part(gpointer part) {
     exr_part_free(part);
 }
 
-/* Reads at most MAX_PAIRS pairs, one for each exposure. If consecutive frames have equal exposures,
- * the first two of them are a pair. */
+/* Reads at most MAX_PAIRS pairs, one for each exposure. The first two of consecutive frames with
+ * equal exposures are a pair. */
 static gboolean read_pairs(const char *folder, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
     struct exr_part *before = NULL;

@@ -21,7 +21,8 @@ struct tile_result {
     /* residual: RMS of the fit, relative to the signal
      * quality: χ² per degree of freedom */
     double residual, quality;
-    double expected; /* relative residual that noise and a model error of 0.05 % explain */
+    double expected; /* residual that noise and a model error of 0.05 % explain, relative to the
+                        signal */
     double exponent_off, aim_off_rad; /* RMS of the lamps' deviations, as in struct tile_fit */
     /* range of the outputs (maximum minus minimum) over all shots, relative to the mean of each
      * lamp */
