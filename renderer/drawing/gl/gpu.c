@@ -247,8 +247,8 @@ void gpu_fill_screen(void) {
     glDeleteVertexArrays(1, &empty);
 }
 
-/* Sets *ret_format and *ret_type to the pixel format and type of an internal format, or to GL_RGBA
- * and GL_FLOAT if the internal format is unknown. */
+/* Sets *ret_format and *ret_type to the pixel format and type of an internal format. Sets them to
+ * GL_RGBA and GL_FLOAT if the internal format is unknown. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     static const struct {
         int internal_format;

@@ -1,13 +1,14 @@
 /*
  * Eigen-maps on the graphics card: BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5).
- * Between the measured directions, directions.h interpolates.
+ * Values between the measured directions are interpolated with directions.h.
  *
- * The maps are the layers of one array texture of half floats. Each term has a layer for each
- * light, then a layer for the pole, and then a layer for an even sky. The texture has mipmaps and
- * repeats. The layer of the pole is the mean of the topmost ring of lights. The layer of the sky is
- * the reflectance under a sky of even radiance, (1/π) ∫ BTF dω. W is tabulated over the hemisphere
- * and filtered. For the light, a finer table (direction_table.h) has the numbers and weights of up
- * to four layers that are mixed.
+ * The maps are the layers of one array texture of half floats, with mipmaps. The texture repeats.
+ * Each term has a layer for each light, then a layer for the pole, and then a layer for an even
+ * sky. The layer of the pole is the mean of the topmost ring of lights. The layer of the sky is the
+ * reflectance under a sky of even radiance, (1/π) ∫ BTF dω.
+ *
+ * W is tabulated over the hemisphere and filtered. For the light, a finer table (direction_table.h)
+ * has the numbers and weights of up to four layers that are mixed.
  */
 #pragma once
 

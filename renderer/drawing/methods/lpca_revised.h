@@ -7,14 +7,14 @@
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).
  *
- * S is a filtered fetch of the 3D texture. Two cube maps give (s_v, t_v) of a view and (z1, z2, w)
- * of a light. The first is filtered. The second cannot be filtered, because z jumps from one volume
- * to the next; its angular resolution is a quarter of a degree. A volume ends at the centres of its
+ * S is a filtered fetch of the 3D texture. A filtered cube map gives (s_v, t_v) of a view. Another
+ * cube map gives (z1, z2, w) of a light. It cannot be filtered, because z jumps from one volume to
+ * the next; its angular resolution is a quarter of a degree. A volume ends at the centres of its
  * outermost samples, so that filtering never mixes neighbouring volumes along any axis.
  *
- * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied beforehand by the
- * scales of the E_i. The means E_0 are half floats. Their weight is always 1, so the steps of bytes
- * would be visible.
+ * The E_i with i ≥ 1 are signed bytes. Their scales are multiplied into the weights of the texels
+ * beforehand. The means E_0 are half floats. Their weight is always 1, so the steps of bytes would
+ * be visible.
  */
 #pragma once
 
