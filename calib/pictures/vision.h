@@ -1,7 +1,7 @@
 /*
- * OpenCV for calibration, behind a C interface: markers, chessboards, circles, homographies,
- * initial camera parameters. No exception leaves these functions. Errors of OpenCV are
- * PICTURE_FILE_ERROR_FAILED.
+ * This module gives calibration the functions of OpenCV that it needs, behind a C interface:
+ * markers, chessboards, circles, homographies, initial camera parameters. No exception leaves these
+ * functions. An error of OpenCV becomes a PICTURE_FILE_ERROR_FAILED.
  *
  * Pixel coordinates are as in rig.h: the centre of the top left pixel is (0, 0). Any thread may
  * call the functions.
@@ -45,9 +45,10 @@ GArray *vision_measure_chessboard(const struct picture *picture, int *ret_column
  * Returns doubles x, y, or NULL on error. */
 GArray *vision_find_spots(const struct picture *picture, gboolean bright, GError **error);
 
-/* Finds a grid of circles, row by row: dark circles on a bright ground or, if the picture shows no
- * such grid, bright circles on a dark ground. If staggered is TRUE, every second row is shifted by
- * half the distance of the circles. Returns FALSE without an error if there is no grid. */
+/* Finds a grid of columns × rows circles, row by row. Dark circles on a bright ground are searched
+ * for first, then bright circles on a dark ground. If staggered is TRUE, every second row is
+ * shifted by half the distance between two circles of a row. Returns FALSE without an error if
+ * there is no grid. */
 gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
                              gboolean staggered, double *ret_xy_px, GError **error);
 
@@ -57,24 +58,27 @@ gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 
 /* Computes a homography like vision_homography(), but from at most max_samples random samples of
- * four pairs instead of 2000. A homography that less than half of the pairs agree with may be
- * missed. */
+ * four pairs instead of 2000. The function may miss a homography if less than half of the pairs
+ * agree with it. */
 gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, int n,
                                double tolerance_px, int max_samples, double ret_h[9],
                                guint8 *ret_good);
 
 /* Computes an initial focal length without distortion (Zhang 2000) from n_views views of a flat
- * target (x, y in mm, z = 0). points[v] has n[v] × 4 numbers: x_mm, y_mm, x_px, y_px. If guess_px
- * is above 0, the computation also starts from this focal length, and the result that fits the
- * points better is returned. Views that are tilted by less than about 2° hardly determine the focal
- * length without a guess. */
+ * target (x, y in mm, z = 0). points[v] has n[v] × 4 numbers: x_mm, y_mm, x_px, y_px.
+ *
+ * If guess_px is above 0, a second computation starts from this focal length. The result that fits
+ * the points better is returned. Without a guess, views that are tilted by less than about 2°
+ * hardly determine the focal length. Returns FALSE with an error if no focal length above 0 is
+ * found. */
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views,
                              double guess_px, int width, int height, double ret_focal_px[2],
                              GError **error);
 
 /* Computes the pose of a flat target: camera = rotation · target + shift. A plane has two
  * solutions; the one with the smaller reprojection error is returned. points has n × 4 numbers:
- * x_mm, y_mm, and x / z, y / z of the viewing ray in the camera's frame. */
+ * x_mm, y_mm, and x / z, y / z of the viewing ray in the camera's frame. Returns FALSE if there are
+ * fewer than 4 points or no solution. */
 gboolean vision_pose(const double *points, int n, double ret_rotation[9], double ret_shift_mm[3]);
 
 G_END_DECLS

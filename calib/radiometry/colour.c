@@ -1,5 +1,6 @@
-/* Fits XYZ = M · RGB by weighted least squares. Each row of M is m = (Σ w rgb rgbᵀ)⁻¹ Σ w rgb·xyz,
- * with w = Y^(−4/3). */
+/* Fits XYZ = M · RGB by weighted least squares. A row m of M follows from the patches' colours rgb,
+ * the element xyz of their CIE XYZ that belongs to this row, and the weights w = Y^(−4/3):
+ *   m = (Σ w rgb rgbᵀ)⁻¹ Σ w rgb·xyz. */
 #include "colour.h"
 
 #include <lapacke.h>
@@ -69,7 +70,8 @@ static gboolean colour_invert(const struct colour_patch *patches, int n, double 
     return TRUE;
 }
 
-/* Computes one row of M and its standard errors √(Σ w r² / (n − 3) · (inverse)ₐₐ). */
+/* Computes one row of M and its standard errors √(Σ w r² / (n − 3) · (inverse)ₐₐ), where r are the
+ * residuals and a is the column. */
 static void fit_row(const struct colour_patch *patches, int n, const double inverse[9], int row,
                     struct colour_matrix *ret) {
     double right[3] = {0}, squares = 0;

@@ -15,8 +15,9 @@ struct colour_patch {
  * a reflectance of 1. */
 struct colour_matrix {
     gboolean known;
-    double matrix[9], error[9]; /* rows X, Y, Z; standard errors of the elements */
-    double residual;            /* RMS of the patches' ΔE*ab */
+    /* The rows of `matrix` give X, Y and Z. `error` has the standard errors of the elements. */
+    double matrix[9], error[9];
+    double residual; /* RMS of the patches' ΔE*ab */
     int patches;
 };
 
@@ -24,9 +25,10 @@ struct colour_matrix {
 GQuark colour_error_quark(void);
 enum colour_error {
     COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
-    COLOUR_ERROR_MISFIT, /* a value is not a number, or the measured colours differ from the chart's
-                            values: the chart is another chart, or lies in another orientation */
-    COLOUR_ERROR_FILE,   /* the file of the chart's values has a mistake */
+    /* A value is not a number. Or the measured colours differ from the chart's values, because the
+     * chart is another one or lies in another orientation. */
+    COLOUR_ERROR_MISFIT,
+    COLOUR_ERROR_FILE, /* the file of the chart's values has a mistake */
 };
 
 /* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝

@@ -1,7 +1,10 @@
-/* Fiducials are white discs. The value of a pixel is divided by the expected value of white, w =
- * response · flat · cos θ · E / π. The pixel's share of white is s = (value − ground) / (level −
- * ground). The displacement is the centroid Σ s x / Σ s over the window, minus the centroid of the
- * projected disc. The mean value of the interior gives the output of the lamp. */
+/* Fiducials are white discs. The value of a pixel is divided by the value that white is expected to
+ * have there, w = response · flat · cos θ · E / π (symbols as in radiometry.h).
+ *
+ * The pixel's share of white is s = (value − ground) / (level − ground), where ground is the value
+ * of the surround and level is that of the disc. The centroid Σ s x / Σ s over the window, minus
+ * the centroid of the projected disc, is the displacement of the fiducial. The mean value of the
+ * interior gives the output of the lamp. */
 #include "fiducials.h"
 
 #include <string.h>
@@ -17,23 +20,25 @@
 #define CONTRAST   1.5 /* smallest ratio of white to surround */
 /* relative standard deviation from which a fiducial counts as partly in shadow */
 #define UNEVEN 0.1
-/* Standard deviation of the share of white of a pixel at the edge. The value of such a pixel is not
+/* Standard deviation of the share of white of a pixel at the edge of the disc. This share is not
  * exactly proportional to the covered area, because real pixels do not integrate evenly over their
  * area. */
 #define EDGE_SHARE 0.12
-/* Displacement of the centroid, in radii, per unit of the surround's first moment, if the window is
- * as uneven as the ring. It is (WINDOW³ − 1) · 2/3. */
+/* Displacement of the centroid, in radii, divided by the first moment of the surround. It is
+ * (WINDOW³ − 1) · 2/3 if the brightness varies in the window as it does in the ring. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* largest distance from the expected position, in radii */
-/* Bounds of a lamp's relative output. Outside of these bounds, the fiducial is in shadow, or
- * something else was taken for the fiducial. */
+/* Bounds of a lamp's relative output. If the output is not within the bounds, the fiducial is in
+ * shadow, or something else was taken for the fiducial. */
 #define MIN_OUTPUT 0.2
 #define MAX_OUTPUT 5
 
-/* Expected values are computed for a grid of nodes, one every few pixels. A node has the point
- * where the pixel's ray meets the plane of the fiducial's face, and the expected value of white
- * there. The values in between are interpolated, which is much faster than computing them. */
-#define STEPS 64 /* nodes along a picture's diagonal: with 20 % vignetting the error is 1e-4 */
+/* Expected values are computed only at nodes, one every few pixels, and interpolated between them,
+ * because this is much faster. A node has the point at which the pixel's ray meets the plane of the
+ * fiducial's face, and the expected value of white there. */
+/* Number of nodes along a picture's diagonal. With 20 % vignetting, the error of interpolation is
+ * 1e-4. */
+#define STEPS 64
 struct node {
     double x_mm, y_mm, white; /* rig frame; DN per ms, before colour factors */
 };
@@ -44,7 +49,7 @@ struct measuring {
     const struct rig_fiducial *fiducial;
     const char *cfa;
     const float *mosaic;
-    const float *glare;      /* of red, green and blue pixels, in the unit of mosaic */
+    const float *glare;      /* glare of red, green and blue pixels, in the unit of mosaic */
     struct vec3 eye, middle; /* rig frame; middle is the present estimate of the centre */
     int x0, x1, y0, y1;      /* range of pixels */
     struct node *nodes;
@@ -56,8 +61,8 @@ struct measuring {
     double moment[2]; /* first moment of the surround: mean of (share of white × direction) */
 };
 
-/* Returns the value expected of white at a point p of the rig frame, which is at the pixel (x, y):
- * DN per ms, before colour factors. */
+/* Returns the expected value of white in DN per ms, without the factors of find_colours(). p is the
+ * point in the rig frame that the pixel (x, y) sees. */
 static double white_at(const struct fiducial_scene *s, double x, double y, struct vec3 p) {
     const struct rig_camera *camera = &s->rig->cameras[s->camera];
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
@@ -67,7 +72,8 @@ static double white_at(const struct fiducial_scene *s, double x, double y, struc
            rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
 }
 
-/* Computes the factors of white for the red, green and blue pixels that see a fiducial. */
+/* Computes the factors of expected white for the red, green and blue pixels: the products of the
+ * fiducial's reflectance and the relative colours of camera and lamp. */
 static void find_colours(const struct fiducial_scene *s, const struct rig_fiducial *fiducial,
                          double ret[3]) {
     for (int k = 0; k < 3; k++) {
@@ -140,9 +146,10 @@ static gboolean project(const struct measuring *m, double angle, double radii, d
     return rig_project(m->camera, p, x, y);
 }
 
-/* Computes the centroid of the projected disc as that of a polygon: A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ), x̄
- * = Σ (xᵢ + xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. Returns FALSE if a corner cannot be projected, or if A
- * is 0. */
+/* Computes the centroid (x̄, ȳ) of the projected disc as that of a polygon with the corners (xᵢ,
+ * yᵢ) and the area A:
+ *   A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ),   x̄ = Σ (xᵢ + xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A.
+ * Returns FALSE if a corner cannot be projected, or if A is 0. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
     if (!project(m, 0, 1, &x0, &y0))
@@ -240,9 +247,10 @@ static double pull_variance(const struct measuring *m) {
     return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
 }
 
-/* Measures the levels of white and of the surround in each colour. whole gets the pixels that lie
- * in the disc. noise gets the variances of the surround's pixels and of white pixels, relative to
- * the squared contrast. Returns FALSE if there are too few pixels, or too little contrast. */
+/* Measures the levels of white and of the surround in each colour. whole gets the values of the
+ * pixels that lie wholly in the disc. noise[0] gets the variance of the surround's pixels and
+ * noise[1] that of white pixels, each divided by the squared contrast. Returns FALSE if there are
+ * too few pixels, or too little contrast. */
 static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
     struct mean white[3] = {{0}}, ground[3] = {{0}};
     struct pixel pixel;
@@ -278,7 +286,8 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     return n >= FEW_PIXELS;
 }
 
-/* Computes the centroid Σ s x / Σ s. Returns the area Σ s. */
+/* Computes the centroid Σ s x / Σ s, where s is a pixel's share of white. Returns the area Σ s in
+ * pixels. */
 static double measure_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0;
     struct pixel pixel;
@@ -327,8 +336,9 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
     return TRUE;
 }
 
-/* Iterates from the expected to the measured position, and measures the output of the lamp. Returns
- * FALSE if the fiducial is not found, or if the output is not within MIN_OUTPUT and MAX_OUTPUT. */
+/* Moves the estimate in steps from the expected position to the measured one. Then measures the
+ * output of the lamp. Returns FALSE if the fiducial is not found, or if the output is not between
+ * MIN_OUTPUT and MAX_OUTPUT. */
 static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];
@@ -399,8 +409,8 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
     return n;
 }
 
-/* Green has twice the weight of red and of blue, because half of the pixels behind colour filters
- * are green. */
+/* Green has twice the weight of red and of blue, because half of the pixels of a sensor with a
+ * colour filter are green. */
 double fiducials_white(const struct fiducial_scene *scene, int fiducial) {
     const struct rig_camera *camera = &scene->rig->cameras[scene->camera];
     const struct rig_fiducial *it = &scene->rig->fiducials[fiducial];
@@ -413,7 +423,8 @@ double fiducials_white(const struct fiducial_scene *scene, int fiducial) {
     return white_at(scene, x, y, p) * (colour[0] + 2 * colour[1] + colour[2]) / 4;
 }
 
-/* The weighted mean is Σ o/σ² / Σ 1/σ², with the standard error 1 / √(Σ 1/σ²). */
+/* The weighted mean of the outputs o is Σ o/σ² / Σ 1/σ², and its standard error is 1 / √(Σ 1/σ²),
+ * where σ is the standard error of an output. */
 gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
                           double *ret_error) {
     double sum = 0, weight = 0;

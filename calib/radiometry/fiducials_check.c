@@ -1,9 +1,12 @@
-/* The causes are found by a greedy search. Each hypothesis is fitted to the displacements d_i (with
- * weights w_i) by least squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d, where a are its angles, J the
- * derivatives of d with respect to a, and σ is PRIOR_RAD. The prior keeps angles small that the
- * displacements hardly determine. A hypothesis decreases χ² by aᵀ Σ w Jᵀ d. The hypothesis with the
- * largest decrease is accepted, and what it explains is subtracted from d. This is repeated until
- * no hypothesis is significant. */
+/* The causes are found by a greedy search. Each hypothesis has one or three angles a. They are
+ * fitted to the displacements d_i (with weights w_i) by least squares,
+ *   (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d,
+ * where J has the derivatives of d with respect to a, and σ is PRIOR_RAD. The prior keeps angles
+ * small that the displacements hardly determine.
+ *
+ * A hypothesis decreases χ² by aᵀ Σ w Jᵀ d. The hypothesis with the largest decrease is accepted,
+ * and the displacements that it explains are subtracted from d. This is repeated until no
+ * hypothesis is significant. */
 #include "fiducials.h"
 
 #include <lapacke.h>
@@ -26,7 +29,8 @@ struct checking {
     const struct fiducial_seen *seen;
     int n;
     double *slope; /* n × 2 × 3: derivatives in pixels per radian */
-    /* n each: displacement in pixels that is not explained yet, and 1 / variance */
+    /* Three arrays of n numbers: the part of the displacements in x and in y that is not explained
+     * yet, in pixels, and the weights 1 / variance. */
     double *off_x, *off_y, *weight;
 };
 
@@ -40,8 +44,8 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
 }
 
 /* Computes the derivatives of sighting i's x and y with respect to an unknown of a hypothesis, in
- * pixels per radian, with central differences. They are 0 if the hypothesis is about another
- * camera. */
+ * pixels per radian, with central differences. The derivatives are 0 if the hypothesis is about
+ * another camera. */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
     const struct fiducial_seen *seen = &check->seen[i];
@@ -116,7 +120,8 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
     return TRUE;
 }
 
-/* Returns the length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
+/* Returns the length |a| of the rotation vector, and its standard error √(Σ (a_u / |a|)² σ_u²) in
+ * ret_error. a_u is the angle about axis u, with the variance σ_u². */
 static double length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
@@ -184,8 +189,8 @@ static int by_picture(const void *a, const void *b) {
     return (p->turntable_rad > q->turntable_rad) - (p->turntable_rad < q->turntable_rad);
 }
 
-/* Sets ret[i] to the number of sightings that show the same fiducial to the same camera in the same
- * pose as sighting i, including sighting i. */
+/* Sets ret[i] to the number of sightings of the same fiducial by the same camera in the same pose
+ * as sighting i. Sighting i is counted too. */
 static void count_same(const struct fiducial_seen *seen, int n, int *ret) {
     g_autofree const struct fiducial_seen **order = g_new(const struct fiducial_seen *, n + 1);
     for (int i = 0; i < n; i++)
@@ -208,7 +213,7 @@ void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, in
     check.weight = check.off_y + n;
     memset(ret, 0, sizeof *ret);
     ret->n_seen = n;
-    /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of a
+    /* The pixel grid causes an error that all pictures of a pose have in common. All pictures of a
      * pose together therefore count as one picture. */
     g_autofree int *same = g_new(int, n + 1);
     count_same(seen, n, same);

@@ -11,8 +11,8 @@
 #define UNEVEN_WHITE 0.003
 #define FEW_SEEN     4
 
-/* The position of one fiducial is found by Gauss-Newton on its reprojection error, with the
- * position in the rig file as prior. */
+/* The position of one fiducial is found by Gauss-Newton steps on its reprojection error. The prior
+ * is the position in the rig file. */
 struct position {
     const struct rig *rig;
     const struct fiducial_seen **seen;
@@ -22,8 +22,10 @@ struct position {
 };
 
 /* Projects the centre p of the disc (sample frame) to the picture of a sighting. Returns FALSE if
- * the camera does not see p. add_seen() uses only differences of two projections. It thus takes the
- * offset between the disc's centroid and its projected centre to be the same at both places. */
+ * the camera does not see p.
+ *
+ * The centroid of the disc in the picture differs a little from its projected centre. add_seen()
+ * uses only differences of two projections, and thus takes this offset as equal at both places. */
 static gboolean project(const struct position *position, const struct fiducial_seen *seen,
                         struct vec3 p, double ret[2]) {
     return rig_project(&position->rig->cameras[seen->camera],
@@ -46,7 +48,7 @@ static void add_seen(struct position *position, const struct fiducial_seen *seen
     }
     double off[2] = {seen->x_px - seen->expected_x_px - (now[0] - start[0]),
                      seen->y_px - seen->expected_y_px - (now[1] - start[1])};
-    /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of a
+    /* The pixel grid causes an error that all pictures of a pose have in common. All pictures of a
      * pose together therefore count as one picture. */
     int n = 0;
     for (int i = 0; i < position->n; i++)
@@ -64,7 +66,9 @@ static void add_seen(struct position *position, const struct fiducial_seen *seen
 
 static gboolean fit_place(struct position *position, struct fiducial_fit *ret) {
     for (int i = 0; i < STEPS; i++) {
-        /* Make one step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
+        /* Make one Gauss-Newton step dx, with the displacements d, their derivatives J and weights
+         * w, and the prior's standard deviation σ: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start −
+         * now)/σ². */
         const double prior = 1 / (PRIOR_MM * PRIOR_MM);
         struct vec3 off = vec3_sub(position->start, position->now);
         memset(position->matrix, 0, sizeof position->matrix);
@@ -92,9 +96,10 @@ struct white {
     double sum, weight;
 };
 
-/* Computes white and its standard error √(noise + spread between the cameras). The cameras differ
- * because each camera's flat field has another error at the fiducial's position. Returns FALSE if
- * fewer than FEW_SEEN sightings have an output. */
+/* Computes white and its standard error. The error contains the noise and the spread between the
+ * cameras. The cameras differ because each has a different error of its flat field at the
+ * fiducial's place in its pictures. Returns FALSE if fewer than FEW_SEEN sightings have an
+ * output. */
 static gboolean fit_white(const struct position *position, struct fiducial_fit *ret) {
     struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
     double spread = 0, apart = 0;

@@ -1,10 +1,13 @@
 /* Veiling glare is light that lens and sensor scatter over the whole picture. The glare is g times
  * the mean of the picture without glare. M is the mean of the picture with glare. A cell c of a
- * camera's picture that shows a dark surface has, in shots s under lamp l, the signal
+ * camera's picture that shows a dark surface has, in a shot s under lamp l, the signal
  *   d_s = γ M_s + ρ_(c,l) e_s,   γ = g / (1 + g),
- * where e_s is the signal of a white surface in its place. The lamp moves about the turntable, so
- * its distance from the cell changes, and M_s and e_s are not proportional to each other. A group
- * is a cell, a lamp and a colour. e is projected out in each group, and γ is found from all groups:
+ * where ρ is the reflectance of the surface and e_s is the signal of a white surface in its place.
+ * The lamp moves about the turntable and so changes its distance from the cell. M_s and e_s are
+ * therefore not proportional to each other.
+ *
+ * A group is a cell, a lamp and a colour. In each group, the part of M that is proportional to e is
+ * subtracted, and γ is found from all groups:
  *   m_s = M_s − e_s Σ w e M / Σ w e²,   γ = Σ w m d / Σ w m²,   w = 1/σ² of the cell.
  * Each group has a separate ρ, because a surface may reflect more light of one lamp than of
  * another. */
@@ -18,17 +21,19 @@
 #define CELLS      12 /* as in radiometry.c */
 #define CELL_PX    16
 #define FEW_PIXELS 16
-/* Border around the tile that is left out, in addition to twice the height of the tile, because the
- * tile throws light and shadow. */
+/* A border of this width plus twice the height of the tile is left out around the tile, because the
+ * tile casts shadows and reflects light there. */
 #define BORDER_MM 4
 #define MAX_ROWS  256
-#define DARK      0.25  /* a surface below this share of the mean of the picture is dark */
-#define ALIKE     2.0   /* largest factor between a shot and the median of its group */
+/* A surface is dark if its signal is less than this part of the mean of the picture. */
+#define DARK 0.25
+/* largest factor between d / M of a shot and the median of d / M in its group */
+#define ALIKE     2.0
 #define FEW_SHOTS 4     /* smallest number of shots of a group */
 #define OUTLIER   4.0   /* number of standard deviations from which a cell is an outlier */
 #define MAX_ERROR 0.002 /* largest standard error of a glare that is corrected */
-/* A glare whose error is too large for a correction contributes to ret_error if it exceeds this
- * number of standard errors. */
+/* If the standard error of a glare is too large for a correction, ret_error includes the glare,
+ * provided that the glare exceeds this number of standard errors. */
 #define PLAIN 3.0
 
 /* Sums over the pixels of one colour in a cell, as in radiometry.c. */
@@ -139,7 +144,8 @@ static int compare(gconstpointer a, gconstpointer b, gpointer data) {
                                     : x->shot - y->shot;
 }
 
-/* Sums of one pass over the groups, for all lamps together and for each lamp. γ is up / down. */
+/* Sums of one pass over the groups, for all lamps together and for each lamp. γ is `up` /
+ * `down`. */
 struct glare_pass {
     double up, down, chi2;
     int n, groups;
@@ -148,8 +154,8 @@ struct glare_pass {
 };
 
 /* Adds a group of n cells. g is the result γ of the previous pass, or negative in the first pass.
- * In later passes, cells that deviate by more than OUTLIER · scale standard deviations from the
- * model with g are left out. A group adds nothing if it is not dark, or if fewer than FEW_SHOTS
+ * In later passes, a cell is left out if it deviates from the model with γ = g by more than OUTLIER
+ * · scale standard deviations. A group adds nothing if it is not dark, or if fewer than FEW_SHOTS
  * cells are left. */
 static void add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
                       struct glare_pass *to) {
@@ -245,7 +251,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     if (!(g < pass.darkest + 3 * error))
         return FALSE;
     const gboolean known = error < MAX_ERROR;
-    const double glare = g / (1 - g); /* the variable g is γ, because M includes the glare */
+    const double glare = g / (1 - g); /* The variable g is γ, because M includes the glare. */
     if (known)
         *ret_glare = glare;
     if (known || g > PLAIN * error)

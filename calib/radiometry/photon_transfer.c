@@ -1,12 +1,15 @@
-/* Photon transfer (EMVA 1288). With the signal S above the black level in DN, which includes the
- * dark current, the temporal variance σ² of a pixel and the gain K in DN per electron, σ² = σ_read²
- * + 1/12 + K·S. Each tile of a pair of pictures gives a point (S, σ²), where S is the mean of both
- * pictures and σ² is half the variance of their difference. */
+/* Photon transfer (EMVA 1288). S is the signal above the black level in DN, including the dark
+ * current. K is the gain in DN per electron. The temporal variance of a pixel is
+ *   σ² = σ_read² + 1/12 + K·S.
+ * Each tile of a pair of pictures gives a point (S, σ²), where S is the mean of both pictures and
+ * σ² is half the variance of their difference. */
 #include "photon_transfer.h"
 
 #include <math.h>
 
-#define TILE         16         /* pixels along a side; fewer if the picture has less than 4 TILE */
+/* Side of a tile in pixels. The tiles are smaller if the picture has fewer than 4 TILE pixels along
+ * a side. */
+#define TILE         16
 #define SATURATED    0.98       /* share of full scale from which a tile counts as saturated */
 #define TRANSFER_TOP 0.7        /* the slope is fitted up to 70 % of saturation (EMVA 1288 §6.6) */
 #define MIN_RANGE    0.15       /* part of full scale that the brightest tile must reach */
@@ -16,8 +19,10 @@
 G_DEFINE_QUARK(transfer_error, transfer_error)
 
 struct tile {
-    double mean, variance; /* mean of both pictures in DN; temporal variance of one pixel in DN² */
-    double n;              /* number of pixels; 0 if any pixel is saturated */
+    /* `mean` is that of both pictures, in DN. `variance` is the temporal variance of one pixel, in
+     * DN². */
+    double mean, variance;
+    double n; /* number of pixels; 0 if any pixel is saturated */
 };
 
 /* All tiles of a pair. */
@@ -62,8 +67,8 @@ static struct tile photon_transfer_measure_tile(const struct fit *fit,
     return tile;
 }
 
-/* Refuses a pair if a value is not finite, if both pictures are identical and not black, or if
- * their mean brightnesses differ by more than the fraction ALIKE. */
+/* Refuses a pair in three cases: a value is not finite, both pictures are identical and not black,
+ * or their means differ by more than the fraction ALIKE. */
 static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pair,
                            const char *what, GError **error) {
     gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
@@ -162,8 +167,8 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     return FALSE;
 }
 
-/* Returns the dark level of a tile: the mean of the dark pairs at this exposure, or the value of
- * the fitted line if no dark pair has this exposure. */
+/* Returns the dark level of a tile. If there are dark pairs with this exposure, it is their mean,
+ * otherwise the value of the fitted line. */
 static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     double sum = 0;
     int n = 0;
@@ -175,9 +180,9 @@ static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     return n > 0 ? sum / n : fit->to->black_dn + fit->to->dark_dn_s * exposure_s;
 }
 
-/* Returns the points of the transfer curve: signal above the black level with the dark current,
- * temporal variance, and number of pixels. A dark pair gives one point. A lit pair gives a point
- * for each tile that is not saturated and is below TRANSFER_TOP. */
+/* Returns the points of the transfer curve. A point has the signal above the black level, including
+ * the dark current, the temporal variance, and the number of pixels. A dark pair gives one point. A
+ * lit pair gives a point for each tile that is not saturated and is below TRANSFER_TOP. */
 static GArray *transfer_points(const struct fit *fit) {
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
     double range = full_scale(fit) - fit->to->black_dn;
@@ -260,8 +265,8 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     return TRUE;
 }
 
-/* The signals of one tile at all exposures, for the fit of y = a·t·(1 − c·a·t / range). Each tile
- * has another a. */
+/* The signals y of one tile at all exposures t, for the fit of y = a·t·(1 − c·a·t / range). Each
+ * tile has its own a; all tiles share c. */
 struct ramp {
     double *t, *y, *weight; /* one block, which t owns */
     int n;
@@ -278,7 +283,8 @@ struct ramps {
     double range, curvature, error;
 };
 
-/* Makes one Gauss-Newton step for the a of all tiles and the common c. The a are eliminated (Schur
+/* Makes one Gauss-Newton step for the slopes a of all tiles and the common curvature c. g is the
+ * gradient, and A the matrix, of the normal equations. The slopes are eliminated (Schur
  * complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before the
  * step. */
 static double photon_transfer_step(struct ramps *ramps) {
@@ -339,8 +345,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);
     for (int k = 0; k < fit->n_tiles; k++) {
-        /* The signal of a tile over the exposures, weighted by its inverse variance. a starts at
-         * the value of the longest exposure. */
+        /* The signal of a tile over the exposures, weighted by its inverse variance. The slope a
+         * starts at the value of the longest exposure. */
         double *block = g_new(double, 3 * fit->n_lit);
         struct ramp ramp = {.t = block, .y = block + fit->n_lit, .weight = block + 2 * fit->n_lit};
         double top = 0;

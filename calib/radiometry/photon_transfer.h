@@ -1,9 +1,10 @@
 /*
  * This module finds black level, dark current, gain, read noise and linearity of a sensor from
  * pairs of single exposures, after EMVA 1288 (release 4.0 linear). The noise of a pixel is measured
- * by the difference of two pictures of the same scene, so the lighting need not be even. The
- * picture is divided into tiles. Tiles of different brightness give many points of the transfer
- * curve.
+ * by the difference of two pictures of the same scene, so the lighting need not be even.
+ *
+ * The picture is divided into tiles. Tiles of different brightness give many points of the transfer
+ * curve, which is the noise variance as a function of the signal.
  *
  * The functions are pure, and any thread may call them.
  */
@@ -45,16 +46,18 @@ enum transfer_error {
 };
 
 /* Computes the result from dark pairs at two or more exposures and lit pairs at three or more
- * exposures. Some tile must be lit to between 15 % and 70 % of full scale. Saturated tiles are left
- * out. Returns FALSE with an error if the pictures do not suffice, or if the two pictures of a pair
+ * exposures. At least one tile must be lit to between 15 % and 70 % of full scale. Saturated tiles
+ * are left out.
+ *
+ * Returns FALSE with an error if the pictures do not suffice, or if the two pictures of a pair
  * differ in brightness, for example because a lamp was warming up. */
 gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfer_pair *dark,
                       int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
                       GError **error);
 
 /* Computes the noise of a pixel that is merged from n exposures, weighted by their lengths. sum_ms
- * is the sum of the lengths. At a linear value m in DN/ms above dark at 0 dB, the variance is floor
- * + slope·max(m, 0), in (DN/ms)². The read noise in electrons is assumed to be the same at all
- * gains. */
+ * is the sum of the lengths. A pixel with the linear value m in DN/ms above dark, at 0 dB, has the
+ * variance floor + slope·max(m, 0), in (DN/ms)². The read noise in electrons is assumed to be the
+ * same at all gains. */
 void transfer_noise(const struct transfer *transfer, double sum_ms, int n, double *ret_floor,
                     double *ret_slope);

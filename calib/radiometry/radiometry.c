@@ -7,19 +7,20 @@
 
 G_DEFINE_QUARK(radiometry_error, radiometry_error)
 
-#define CELLS      12  /* largest number of cells along a side of a picture */
-#define CELL_PX    16  /* smallest side of a cell */
-#define FEW_PIXELS 16  /* smallest number of pixels of a colour in a usable cell */
-#define BORDER_MM  2   /* border of the tile that is left out, as it may be bevelled or soiled */
-#define MAX_ROWS   256 /* largest number of pairs of rows that are used */
+#define CELLS      12 /* largest number of cells along a side of a picture */
+#define CELL_PX    16 /* smallest side of a cell */
+#define FEW_PIXELS 16 /* smallest number of pixels of a colour in a usable cell */
+/* Border of the tile that is left out, because it may be bevelled or soiled. */
+#define BORDER_MM 2
+#define MAX_ROWS  256 /* largest number of pairs of rows of the picture that are used */
 
 static double half_diagonal(const struct rig_camera *camera) {
     return 0.5 * hypot(camera->width - 1, camera->height - 1);
 }
 
-/* Computes the basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i. They are s,
- * s², s³, x, y, xy, x² − y², xs and ys with s = x² + y². The last two are ½ in the right (lower)
- * half and −½ in the left (upper) half. */
+/* Computes the basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i. With s = x²
+ * + y², the functions are s, s², s³, x, y, xy, x² − y², xs and ys. Two further functions are steps:
+ * ½ in the right half and −½ in the left half, and ½ in the lower half and −½ in the upper half. */
 static void flat_basis(const struct rig_camera *camera, double x_px, double y_px,
                        double ret[RADIOMETRY_FLAT]) {
     double x = (x_px - 0.5 * (camera->width - 1)) / half_diagonal(camera);
@@ -56,9 +57,9 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
     return nominal_flat(camera, x_px, y_px) * exp(log);
 }
 
-/* Sums over the pixels of one colour in a cell. squares is a sum of estimates of the noise's
- * variance, and triples is the number of these estimates. run is the number of pixels of this
- * colour that follow each other in the row. */
+/* Sums over the pixels of one colour in a cell. `squares` is a sum of estimates of the noise
+ * variance, and `triples` is the number of these estimates. `run` is the number of consecutive
+ * pixels of this colour in the row up to now. */
 struct sums {
     double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
     struct vec3 point;
@@ -84,7 +85,7 @@ int radiometry_colour_at(const char *cfa, int x, int y) {
     return name == 'r' ? 0 : name == 'g' ? 1 : 2;
 }
 
-/* Returns response · flat · ρ/π · cos θ · E, in DN per second. */
+/* Returns the expected signal response · flat · ρ/π · cos θ · E in DN per second (radiometry.h). */
 static double expected(const struct measuring *m, struct vec3 p, int x, int y, int colour) {
     const struct rig_lamp *lamp = &m->rig->lamps[m->shot->lamp];
     struct vec3 path = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
@@ -138,9 +139,9 @@ static gboolean radiometry_is_good(const struct sums *s) {
            s->signal > 0 && s->expected > 0;
 }
 
-/* Returns the ratio of variance to mean of a pixel, or 0 if there is no usable cell. Shot noise is
- * proportional to the signal, and all cells together determine this ratio better than a single
- * cell. */
+/* Returns the ratio of variance to mean of a pixel, or 0 if there is no usable cell. All cells
+ * share this ratio, because shot noise has a variance proportional to the signal, and all cells
+ * together determine the ratio better than one cell. */
 static double variance_by_mean(const struct measuring *m) {
     double variance = 0, mean = 0;
     for (int i = 0; i < CELLS * CELLS; i++)

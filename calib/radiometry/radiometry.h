@@ -1,14 +1,15 @@
 /*
- * The radiometric calibration estimates the flat field, response and colour of each camera together
- * with the intensity, fall-off and colour of each lamp, from pictures of a white tile.
+ * The radiometric calibration uses pictures of a white tile. It estimates the flat field, response
+ * and colour of each camera together with the intensity, fall-off and colour of each lamp.
  *
- * A pixel at (x, y) with colour filter k that sees a matt surface of reflectance ρ_k has the
- * signal
- *   response·camera.colour[k]·flat(x, y) · ρ_k/π · E·cos θ·lamp.colour[k]   DN per second
- * with E of rig_lamp_irradiance(). The tile determines only products of a factor of a camera and a
- * factor of a lamp. Therefore the geometric mean of the cameras' responses keeps its nominal value
- * in each colour. A lamp's intensity is its mean over the tile's shots. The output of each shot is
- * a separate unknown, so that drift during the capture does no harm.
+ * A pixel at (x, y) with colour filter k that sees a matt surface of reflectance ρ_k has the signal
+ *   response·camera.colour[k]·flat(x, y) · ρ_k/π · E·cos θ·lamp.colour[k]   DN per second,
+ * where E is that of rig_lamp_irradiance() and θ is the angle of incidence.
+ *
+ * The tile determines only products of a factor of a camera and a factor of a lamp. The geometric
+ * mean of the cameras' responses therefore keeps its nominal value in each colour. A lamp's
+ * intensity is its mean over the tile's shots. The output of each shot is a separate unknown, so
+ * that drift during the capture does no harm.
  *
  * The functions are pure, and any thread may call them.
  */
@@ -17,26 +18,28 @@
 #include "geometry/rig.h"
 
 #define RADIOMETRY_SMOOTH 9 /* number of terms of a lens's flat field */
-/* number of terms with the two steps between the halves of a sensor */
+/* number of terms including the two steps between the halves of a sensor */
 #define RADIOMETRY_FLAT 11
 
 /* The radiometry of the camera in rig.cameras with the same index. */
 struct radiometry_camera {
     gboolean known;
     double colour[3]; /* response behind R, G, B filters, relative to rig_camera.response */
-    /* Coefficients of ln(flat) for r², r⁴, r⁶, x, y, xy, x²−y², xr² and yr², where x and y are
-     * measured from the picture's middle in halves of its diagonal. The last two coefficients are
-     * the steps from the left to the right half and from the upper to the lower half, which may
-     * have separate amplifiers. */
+    /* Coefficients of ln(flat) for r², r⁴, r⁶, x, y, xy, x²−y², xr² and yr². The origin of x and y
+     * is the picture's middle, and their unit is half of the picture's diagonal; r² = x² + y². The
+     * last two coefficients are the steps from the left to the right half and from the upper to the
+     * lower half. There may be steps because the halves of a sensor may have separate
+     * amplifiers. */
     double flat[RADIOMETRY_FLAT];
     double response_error;                               /* standard error of ln(response) */
     double colour_error[3], flat_error[RADIOMETRY_FLAT]; /* standard errors */
-    /* Veiling glare is light that is added everywhere. `glare` is the veiling glare as a share of
-     * the mean light behind the same filter, and glare_error is the standard error of `glare`. If
-     * the glare is not known, `glare` is 0, and glare_error is 0 or the *ret_error of
-     * glare_fit(). */
+    /* Veiling glare is light that lens and sensor scatter over the whole picture. `glare` is the
+     * veiling glare divided by the mean light behind the same filter, and glare_error is the
+     * standard error of `glare`. If the glare is not known, `glare` is 0, and glare_error is 0 or
+     * the *ret_error of glare_fit(). */
     double glare, glare_error;
-    double excess; /* relative RMS of the tile's residuals that noise does not explain */
+    /* relative RMS of the part of the tile's residuals that noise does not explain */
+    double excess;
     /* number of cells of the tile that were used */
     int cells;
 };
@@ -61,9 +64,10 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
                        double x_px, double y_px);
 
 /* Computes the veiling glare of a picture behind each filter: glare / (1 + glare) times the mean of
- * the finite pixels there. mosaic is as in frames/rectify.h, in any unit. A picture with the cfa
- * "rgb" is given one plane at a time, with "mono". ret_mean has the means of red, green and blue
- * pixels with the glare. ret_mean and ret_glare are 0 for a colour without pixels. */
+ * the finite pixels there. mosaic is as in frames/rectify.h, in any unit. For a picture with the
+ * cfa "rgb", call this function once for each plane, with the cfa "mono". ret_mean gets the means
+ * of red, green and blue pixels, including the glare. ret_mean and ret_glare are 0 for a colour
+ * without pixels. */
 void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,
                       int height, const float *mosaic, double ret_mean[3], float ret_glare[3]);
 
@@ -90,7 +94,7 @@ struct tile_cell {
     struct vec3 point_mm;          /* mean point of the tile that the pixels see, rig frame */
     double signal;                 /* DN per second */
     double error;                  /* standard error of signal */
-    double expected;               /* prediction of the nominal rig, with the tile's reflectance */
+    double expected;               /* prediction of the nominal rig for the tile's reflectance */
     double mean; /* mean of all pixels of this colour in the picture, DN per second */
 };
 
@@ -115,14 +119,18 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
                   const struct tile *tile, const struct tile_shot *shots, int shot, double output,
                   GArray *cells);
 
-/* Finds the veiling glare of a camera from those of the n cells that belong to this camera. Sorts
- * the cells, with those of this camera first. The dark surface in a cell has an unknown
- * reflectance. Its signal depends on the distance of the lamp, while glare does not, so the two can
- * be separated. On success, *ret_error is the standard error of the glare. Returns FALSE with
- * *ret_glare 0 in three cases: no cell is dark enough, the glare found is brighter than the darkest
- * cells, or its standard error is 0.2 % or more. In the third case, *ret_error is √(glare² +
- * standard error²) if the glare found is more than three times its standard error. Otherwise
- * *ret_error is 0. */
+/* Finds the veiling glare of a camera from its cells among the n cells. The function sorts `cells`:
+ * those of this camera come first. The dark surface in a cell has an unknown reflectance. The
+ * signal of the surface depends on the distance of the lamp, while glare does not, so the two can
+ * be separated.
+ *
+ * On success, *ret_error is the standard error of the glare. Returns FALSE, with *ret_glare 0, in
+ * three cases:
+ * - no cell is dark enough,
+ * - the glare found is brighter than the darkest cells,
+ * - the standard error of the glare is 0.2 % or more.
+ * After FALSE, *ret_error is 0, with one exception: in the third case, if the glare found is more
+ * than three times its standard error, *ret_error is √(glare² + standard error²). */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 
@@ -139,8 +147,8 @@ struct tile_fit {
     struct radiometry_lamp lamps[RIG_MAX_LAMPS];
     double residual; /* relative RMS of the residuals */
     double expected; /* relative RMS of the residuals that the noise of the cells explains */
-    /* RMS over the lamps. exponent_off: difference between the found and the nominal exponent.
-     * aim_off_rad: angle between the found and the nominal aim. */
+    /* RMS over the lamps. exponent_off is that of the difference between the found and the nominal
+     * exponent. aim_off_rad is that of the angle between the found and the nominal aim. */
     double exponent_off, aim_off_rad;
     double quality; /* χ² per degree of freedom; 1 if model and noise are right */
     int degrees;    /* degrees of freedom */
@@ -156,10 +164,10 @@ void tile_fit_clear(struct tile_fit *fit);
  * of its lamps. The geometry is taken as correct. Call tile_fit_clear() after success. Returns
  * FALSE with an error if the result is refused; rig is then not changed.
  *
- * The error is RADIOMETRY_ERROR_TOO_FEW if the shots light the tile from one side only. If the arc
- * turns between the shots, each lamp on the arc that has shots must have one whose arc angle
- * differs by 30° or more from that of its first shot. If the arc does not turn, there must be a
- * shot whose lamp stands at an azimuth that differs by 30° or more from that of the first shot's
- * lamp. */
+ * The error is RADIOMETRY_ERROR_TOO_FEW if the shots light the tile from one side only:
+ * - If the arc turns between the shots, each lamp on the arc that has shots must have a shot whose
+ *   arc angle differs by 30° or more from that of its first shot.
+ * - If the arc does not turn, a shot must light the tile from an azimuth that differs by 30° or
+ *   more from that of the first shot. */
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
                   const struct tile_cell *cells, int n_cells, struct tile_fit *ret, GError **error);

@@ -1,6 +1,9 @@
 /* Fits cameras, lamps and outputs to the cells of radiometry.c. The fit is done twice, and outliers
- * are dropped in between. Each step solves the normal equations (Σ w rowᵀ row + priors + gauges) dx
- * = Σ w rowᵀ r by Cholesky decomposition. Only the exponents and aims are non-linear. */
+ * are dropped after the first time. Each step solves the normal equations
+ *   (Σ w rowᵀ row + priors + gauges) dx = Σ w rowᵀ r
+ * by Cholesky decomposition, where row is a row of the Jacobian, r its residual and w its weight. A
+ * gauge fixes a factor that the pictures do not determine. The model is linear but for the
+ * exponents and aims of the lamps. */
 #include "radiometry.h"
 
 #include <lapacke.h>
@@ -16,20 +19,24 @@
 #define MAX_OUTLIERS   0.05
 #define MAX_RESIDUAL   0.03
 #define APART_RAD      (30 * G_PI / 180)
-#define STILL_RAD      (1 * G_PI / 180) /* arc angles that differ by less count as the same */
+/* Two arc angles that differ by less than this count as the same. */
+#define STILL_RAD      (1 * G_PI / 180)
 #define MAX_FLAT_ERROR 0.05
 #define FEW_CELLS      30 /* smallest number of cells of a camera */
 
-/* Standard deviations of the priors of the flat field's coefficients, in their order. Where the
- * tile did not reach, these priors keep the flat field smooth, like that of a lens. */
+/* Standard deviations of the priors of the flat field's coefficients, in their order. These priors
+ * keep the flat field smooth, like that of a lens, where the tile was not seen. */
 static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1,  0.1, 0.1,
                                                 0.1, 0.1, 0.1, 0.05, 0.05};
 
 /*
  * Least squares in logarithms: the residual ln(signal / expected) − Σ of parameters is weighted by
- * (signal / error)². A camera has three logarithms of gain (relative to nominal) and its flat field
- * as parameters. A lamp has three logarithms of intensity (relative to nominal), its exponent and
- * two tilts of its aim. A shot has the logarithm of its output.
+ * (signal / error)². The parameters are:
+ * - of a camera, three logarithms of gain (relative to nominal) and the coefficients of its flat
+ *   field,
+ * - of a lamp, three logarithms of intensity (relative to nominal), its exponent and two tilts of
+ *   its aim,
+ * - of a shot, the logarithm of its output.
  */
 #define CAMERA_SIZE (3 + RADIOMETRY_FLAT)
 #define LAMP_SIZE   6
@@ -98,8 +105,9 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     double model = 0;
     for (int i = 0; i < row->n; i++)
         model += row->value[i] * p->x[row->at[i]];
-    /* Add ln cosⁿ of the lamp's pattern towards the point, minus its nominal value. Append the
-     * derivatives by exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
+    /* Add the logarithm of the lamp's pattern cosⁿ towards the point, minus its nominal value.
+     * Append the derivatives with respect to the exponent, ln cos, and to the tilts, n (d·e − cos ·
+     * aim·e) / cos. d is the direction to the point and e the direction of a tilt. */
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
@@ -134,8 +142,8 @@ static double *diagonal(const struct problem *p, int i) {
     return &p->matrix[(gsize)i * (gsize)p->n + (gsize)i];
 }
 
-/* Adds three gauges for the cameras' gains, one per colour, and one gauge per lamp for the outputs
- * of its shots. */
+/* Adds one gauge for the cameras' gains in each of the three colours, and one gauge for the outputs
+ * of the shots of each lamp. */
 static void add_gauges(struct problem *p) {
     g_autofree int *at = g_new(int, MAX(p->n_shots, p->rig->n_cameras));
     for (int k = 0; k < 3; k++) {
@@ -154,8 +162,8 @@ static void add_gauges(struct problem *p) {
     }
 }
 
-/* Ties those of the three colours at `at` that no picture determines to green. The pictures of mono
- * sensors determine only green, of the camera and of the lamps. */
+/* Ties to green each of the three colours at `at` that no picture determines. The pictures of mono
+ * sensors determine only green, for the camera and for the lamps. */
 static void tie_colours(struct problem *p, int at) {
     for (int k = 0; k < 3; k++) {
         if (*diagonal(p, at + k) > 0 || *diagonal(p, at + 1) == 0)
@@ -247,12 +255,14 @@ static double lit_from_rad(const struct problem *p, int shot) {
     return atan2(at.y, at.x);
 }
 
-/* Refuses shots that do not light the tile from several sides. Such light separates a lamp's
- * fall-off from the cameras' vignetting. Several sides are lit if the arc carries the lamp to
- * several angles. If the arc never turns, all lamps together must light several sides. For a lamp
- * that stands by itself next to an arc, the lamps on the arc determine the vignetting. The fall-off
- * of such a lamp is less certain, as its error says. The product of its fall-off and the vignetting
- * is as certain as for other lamps, and the pictures of the rig depend only on this product. */
+/* Refuses shots that do not light the tile from several sides. Light from several sides separates a
+ * lamp's fall-off from the cameras' vignetting. If the arc turns, each lamp on it must light the
+ * tile at several arc angles. If the arc never turns, all lamps together must light several sides.
+ *
+ * For a lamp that is not on the arc of a rig with an arc, the lamps on the arc determine the
+ * vignetting. The fall-off of such a lamp is less certain, and its standard error says so. The
+ * product of its fall-off and the vignetting is as certain as for other lamps, and the pictures of
+ * the rig depend only on this product. */
 static gboolean check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
@@ -307,8 +317,8 @@ static double covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
 
-/* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with their
- * standard errors, which are multiplied by `worse`. */
+/* Splits three logarithms x_i into their mean and the colour factors exp(x_i − mean), with their
+ * standard errors. The standard errors are multiplied by `worse`. */
 static void split_colours(const struct problem *p, int at, double worse, double *ret_mean,
                           double *ret_error, double colour[3], double colour_error[3]) {
     double mean = (p->x[at] + p->x[at + 1] + p->x[at + 2]) / 3, variance = 0;
@@ -352,7 +362,7 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
 
 static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, GError **error) {
     for (int c = 0; c < rig->n_cameras; c++) {
-        /* Slopes matter most at the picture's edge, where |x| is about 1. */
+        /* Slopes in x and y matter most at the picture's edge, where |x| is about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
         if (!fit->cameras[c].known)
             continue;
@@ -376,11 +386,13 @@ static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, 
     return TRUE;
 }
 
-/* Finds expected, frame_flicker and excess (radiometry.h) from the residuals r of the used cells.
- * The mean m of a picture's residuals, with error s, shows light that differs between the cameras
- * of a shot: frame_flicker² = mean of (m² k/(k − 1) − s²), where k is the number of cameras of the
- * shot. The remaining residuals show errors of the flat field and of the light's pattern: excess² =
- * mean of ((r − m)² − σ²). */
+/* Finds `expected`, frame_flicker and `excess` (radiometry.h) from the residuals r of the used
+ * cells.
+ *
+ * The mean m of a picture's residuals, with the standard error s, shows light that differs between
+ * the cameras of a shot: frame_flicker² = mean of (m² k/(k − 1) − s²), where k is the number of
+ * cameras of the shot. The deviations from m show errors of the flat field and of the light's
+ * pattern: excess² = mean of ((r − m)² − σ²), where σ is the noise of a cell. */
 static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
     const int n_cameras = p->rig->n_cameras, n = p->n_shots * n_cameras;
     g_autofree double *sum = g_new0(double, n), *weights = g_new0(double, n);
@@ -427,8 +439,9 @@ static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
 }
 
 /* Finds the flicker of each lamp from the outputs o of its shots, in the order of the shots. A slow
- * drift is nearly a straight line over three shots. With independent outputs of variance σ² and
- * errors e,
+ * drift is nearly a straight line over three shots, and is removed by the difference of a shot from
+ * the mean of its neighbours. With independent outputs of variance σ² and standard errors e, the
+ * expected square of this difference is
  *   E (o₁ − (o₀ + o₂)/2)² = 1.5 σ² + e₁² + (e₀² + e₂²)/4. */
 static void find_flicker(const struct problem *p, struct tile_fit *ret) {
     for (int l = 0; l < p->rig->n_lamps; l++) {
@@ -451,7 +464,8 @@ static void find_flicker(const struct problem *p, struct tile_fit *ret) {
 }
 
 static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) {
-    tell_residuals(p, ret); /* must come first: the solution is relative to the unchanged rig */
+    /* must come first, because the solution is relative to the rig before it is changed */
+    tell_residuals(p, ret);
     if (!factor(p, error))
         return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
