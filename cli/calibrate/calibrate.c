@@ -101,7 +101,7 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
         job->to && (!calibrate_found ||
                     (job->found = cli_output(calibrate_found, "found in pictures", error)));
     const gboolean ok = begins && cli_work_run(calibrate_work, job, &job->seconds, error);
-    /* A calibration that failed has its own error, also if the page cannot be written. */
+    /* If the calibration has failed, its error is reported, even if the page cannot be written. */
     if (job->found && !ok)
         calibrate_found_write(job, error ? *error : NULL, NULL);
     if (ok) {
@@ -109,7 +109,8 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
         method->tell(call->record, job);
         record_say_strings(call->record, "warnings", "  warning: ", job->warnings);
         record_say_strings(call->record, "incomplete", "  incomplete: ", job->incomplete);
-        /* A file that a method adds to keeps its contents. It is not reported as replaced. */
+        /* A method that adds to the output file keeps the file's contents. The file is not reported
+         * as replaced. */
         if (calibrate_from || !method->adds)
             cli_tell_output(call->record, job->to);
     }
@@ -160,10 +161,11 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     part->degrees_of_freedom = degrees_of_freedom;
 }
 
-/* The number of used observations depends on the part. For lights it is half of the degrees of
- * freedom, because each sight has two residuals. For the sweeps of sessions it is part->pictures
- * minus the rejected ones, because part->pictures counts these too. For the other parts, and for
- * photographs of laser lines, it is part->pictures. */
+/* The number of observations that a part has used depends on the part:
+ * - For lights it is half of the degrees of freedom, because each sight has two residuals.
+ * - For lasers that were calibrated from sweeps it is part->pictures minus the rejected sweeps,
+ *   because part->pictures counts these too.
+ * - For all others, also for lasers that were calibrated from photographs, it is part->pictures. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
     const gboolean sweeps =

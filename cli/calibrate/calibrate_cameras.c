@@ -12,8 +12,8 @@
 #define MAX_PICTURES   20000
 #define KEPT_VECTORS   400 /* maximum number of residuals per camera in the report */
 #define SHORT_PICTURES 5   /* see rows_shown() */
-/* A relative difference from the focal length of the EXIF data that is larger than this is probably
- * a mistake. */
+/* If the focal length differs relatively by more than this from that of the EXIF data, it is
+ * probably a mistake. */
 #define EXIF_OFF 0.1
 /* Photographs have different zooms if their focal lengths differ relatively by more than this. */
 #define ZOOMED 0.01
@@ -53,9 +53,9 @@ struct job {
     enum rig_lens lens;            /* lens model of --lens; set only if lens_option is given */
     GArray *pictures;              /* of struct cameras_picture, one per frame */
     struct calibrate_video *video; /* NULL unless --images names a video */
-    gboolean turns; /* a session's rig file has a turntable, or the turntable has turned */
-    /* Focal lengths in pixels by the EXIF data of the photographs: median, smallest and largest. 0
-     * if no photograph has one. exif_said is where the first one is from. */
+    gboolean turns; /* the rig file of a session has a turntable, or the turntable has turned */
+    /* Median, smallest and largest of the focal lengths that the EXIF data of the photographs give,
+     * in pixels. All are 0 if no photograph has one. exif_said says from where the first one is. */
     double exif_px, exif_least_px, exif_most_px;
     char *exif_said;
     /* With --board-azimuth: azimuth of the board's x axis before the rig was turned. */
@@ -142,7 +142,8 @@ static int by_size(gconstpointer a, gconstpointer b) {
 }
 
 /* Returns the median of the focal lengths that the EXIF data of the photographs give, in pixels, or
- * 0 if none gives one. Sets the members exif_… of the job. This is a guess for the calibration. */
+ * 0 if none gives one. The calibration uses it as a first guess. Sets the members exif_… of the
+ * job. */
 static double guess_focal(int width, int height, gpointer data) {
     struct job *job = data;
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(double));
@@ -228,15 +229,16 @@ static gboolean turn_to_board(struct job *job, GError **error) {
 }
 
 /* Writes all corners of each picture that was used, in the order of board.h, with dashes for
- * corners that were not found or not used. The format is vnlog, as mrcal's corners.vnl for a
- * chessboard. */
+ * corners that were not found or not used. The format is vnlog. For a chessboard it is the same as
+ * that of mrcal's corners.vnl. */
 static gboolean write_corners(const struct job *job, GError **error) {
     const GArray *all = job->result->residuals;
     const int n = board_n_corners(&job->board), pictures = (int)job->pictures->len;
     g_autofree const struct cameras_residual **used =
         g_new0(const struct cameras_residual *, (gsize)n *(gsize)pictures + 1);
     g_autofree gboolean *is_used = g_new0(gboolean, pictures + 1);
-    /* A line with ## is a comment; the first one with # names the columns. */
+    /* A line that begins with ## is a comment. The first line that begins with # names the
+     * columns. */
     g_autoptr(GString) text =
         g_string_new("## " OUTPUT_FILE_TEXT("corners") "\n# filename x y level\n");
     for (guint i = 0; i < all->len; i++) {
@@ -377,11 +379,13 @@ static void tell_arm(Record *to, const struct calibration *calibration,
                    predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
 }
 
-/* Returns the number of rows that the pictures show. A user may have given too many rows. The
- * markers of a ChArUco board are numbered row by row, so the corners of a board with fewer rows are
- * still found at the right places. If at least SHORT_PICTURES pictures end with the lowest row of
- * corners that any picture shows, the result is the number of rows that this row of corners
- * implies. Otherwise, and for other boards, it is the board's number of rows. */
+/* Returns the number of rows of the board that the pictures show, because a user may have given too
+ * many. The markers of a ChArUco board are numbered row by row, so the corners of a board with
+ * fewer rows are still found at the right places.
+ *
+ * In each picture there is a lowest row of corners. If the lowest of these rows is the same in at
+ * least SHORT_PICTURES pictures, the board ends with the row of squares below it. With fewer such
+ * pictures, and for other boards, the result is the given number of rows. */
 static int rows_shown(const struct job *job) {
     const GArray *all = job->result->residuals;
     const int across = job->board.columns - 1;

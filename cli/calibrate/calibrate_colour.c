@@ -6,7 +6,8 @@
 #include <math.h>
 
 #define MAX_CHART_BYTES (1 << 20)
-#define BRIGHTNESS      0.2 /* relative difference from the chart's values that is reported */
+/* A relative difference from the brightness of the chart's values that exceeds this is reported. */
+#define BRIGHTNESS 0.2
 
 static char *chart_option;
 static const GOptionEntry entries[] = {

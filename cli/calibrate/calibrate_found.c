@@ -13,8 +13,9 @@
 #define MAX_EMPTY   8    /* maximum number of pictures without a mark */
 #define MAX_REASONS 3    /* maximum number of reasons below a picture */
 #define MAX_MARKS   400  /* maximum number of marks that are drawn in a picture */
-#define WHITE       0.99 /* share of the pixels that are darker than white */
-#define LINE_SHARE  0.03 /* length of a typical line relative to the width of a picture */
+#define WHITE       0.99 /* Share of the pixels that are darker than the white of the page. */
+/* Length that a typical line should have, relative to the width of a picture. */
+#define LINE_SHARE 0.03
 
 char *calibrate_found;
 
@@ -43,7 +44,7 @@ static gint by_errors(gconstpointer a, gconstpointer b) {
     return (x->rms_px < y->rms_px) - (x->rms_px > y->rms_px);
 }
 
-/* Sorts the marks into the pictures; g_array_unref(). */
+/* Sorts the marks into the pictures, as a GArray of struct shown. Free it with g_array_unref(). */
 static GArray *sort_pictures(const struct calibrate_job *job) {
     GArray *all = g_array_new(FALSE, TRUE, sizeof(struct shown));
     g_array_set_clear_func(all, clear_shown);
@@ -71,7 +72,8 @@ static GArray *sort_pictures(const struct calibrate_job *job) {
     return all;
 }
 
-/* Reads a frame as a picture. A sweep becomes a picture of the times at which the line passed. */
+/* Reads a frame as a picture. The picture of a sweep shows the time at which the line passed each
+ * pixel. */
 static struct picture *read_frame(const struct calibrate_frame *frame, GError **error) {
     if (frame->laser < 0)
         return calibrate_read(frame, error);
@@ -89,7 +91,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (*x > *y) - (*x < *y);
 }
 
-/* Returns a picture as PNG, reduced by a whole number. Sets *ret_reduced to this number. */
+/* Returns a picture as PNG. Its width and height are divided by the whole number *ret_reduced. */
 static GBytes *draw(const struct picture *picture, int *ret_reduced, GError **error) {
     const int by = (MAX(picture->width, picture->height) + MAX_SIDE - 1) / MAX_SIDE;
     const int width = picture->width / by, height = picture->height / by, n = width * height;
@@ -112,7 +114,7 @@ static GBytes *draw(const struct picture *picture, int *ret_reduced, GError **er
     return png_bytes(rgb, width, height, error);
 }
 
-/* Returns by how much the lines are drawn longer, 1, 2, 5, 10, … times, so that typical lines are
+/* Returns the factor 1, 2, 5, 10, … by which the lines are drawn longer, so that typical lines are
  * visible. */
 static int find_stretch(const GArray *all) {
     double sum = 0, width_px = 0;
@@ -203,7 +205,7 @@ static gboolean add_picture(GString *to, const struct calibrate_job *job, const 
     return TRUE;
 }
 
-/* Appends what the page says before its pictures. */
+/* Appends the part of the page that precedes the pictures. */
 static void add_head(GString *to, const struct calibrate_job *job, const GArray *all, int shown,
                      int stretch) {
     int used = 0, left_out = 0, empty = 0;

@@ -1,4 +1,4 @@
-/* calibrate laser: finds the sheets and sweep axes of lasers from sessions of flat plates of
+/* calibrate laser: finds the sheets and sweep axes of lasers. The sessions show flat plates of
  * different heights. */
 #include "base/residual.h"
 #include "calibrate.h"
@@ -57,7 +57,7 @@ struct job {
     double worst_mm, worst_rad;
 };
 
-/* Adds the sweeps of session i. planes contains the height of the plate in mm for each session. If
+/* Adds the sweeps of session i. planes has the height of the plate in each session, in mm. If
  * planes is NULL, the height is that of the session's reference plane. */
 static gboolean gather_session(struct job *job, int i, const double *planes, GError **error) {
     struct session_grid grid;
@@ -180,7 +180,7 @@ static void keep_steps(struct job *job) {
     calibrate_keep(&job->base, "laser steps", columns, 5, rows);
 }
 
-/* Rejects the sweeps of which most points were left out. Such a sweep does not show this laser on
+/* Rejects a sweep if most of its points were left out. Such a sweep does not show this laser on
  * this plate. */
 static void reject_sweeps(struct job *job) {
     const guint n = job->base.frames->len;
@@ -197,8 +197,8 @@ static void reject_sweeps(struct job *job) {
                                             (char *)job->names->pdata[i], out[i], all[i]));
 }
 
-/* Marks the points of the lines, without lines of errors, because an error is a distance from the
- * sheet in mm. */
+/* Marks the points of the lines on the page of --found. No lines of errors are drawn, because an
+ * error is a distance from the sheet in mm. */
 static void mark_points(struct job *job) {
     const struct rig *rig = &job->base.calibration->rig;
     for (guint i = 0; i < job->points->len; i++) {
@@ -249,8 +249,9 @@ static void keep(struct job *job) {
     keep_steps(job);
 }
 
-/* Returns the standard errors of the arc's axis. They come from the calibration of the lamps, but
- * are at least 0.005° and 0.05 mm. If the lamps are not calibrated, returns 0.5° and 1 mm. */
+/* Returns the standard errors of the arc's axis. If the lamps are calibrated, their calibration
+ * gives the errors, but they are at least 0.005° and 0.05 mm. Otherwise the errors are 0.5° and 1
+ * mm. */
 static struct laser_arc arc_known(const struct calibration *calibration) {
     const struct calibration_arc *arc = &calibration->arc;
     if (!arc->known || !(arc->centre_mm[0] > 0))

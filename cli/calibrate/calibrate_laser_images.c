@@ -1,5 +1,5 @@
-/* calibrate laser --images: finds the plane of a laser that stands still from photographs of a
- * board. */
+/* calibrate laser --images: finds the plane of a laser that does not move, from photographs of a
+ * board on which the laser's line falls. */
 #include "calibrate_laser_images.h"
 
 #include "base/residual.h"
@@ -41,9 +41,9 @@ static void clear_seen(gpointer data) {
 }
 
 /* Returns the linear R, G, B of a photograph. `grey` is the same photograph as read by
- * calibrate_read_photograph(). EXR and camera raw files count as grey. A grey photograph has three
- * equal values per pixel, and sets *ret_grey. Returns NULL with an error if the file cannot be
- * read. Free the result with g_free(). */
+ * calibrate_read_photograph(). For a grey photograph, all three values of a pixel are equal and
+ * *ret_grey is TRUE. EXR and camera raw files count as grey. Returns NULL with an error if the file
+ * cannot be read. Free the result with g_free(). */
 static float *read_colours(const char *path, const struct picture *grey, gboolean *ret_grey,
                            GError **error) {
     const gsize n = (gsize)grey->width * (gsize)grey->height;
@@ -82,9 +82,9 @@ static struct picture *read_dark(const char *path, GError **error) {
     return NULL;
 }
 
-/* Returns how strongly the laser lit each pixel, or NULL with an error. *ret_reflectance is the
- * reflectance of each pixel, or NULL if it is not known. dark is the photograph without the laser;
- * it may be NULL. */
+/* Returns how strongly the laser lit each pixel, or NULL with an error. dark is the photograph
+ * without the laser, or NULL. *ret_reflectance gets the reflectance of each pixel, or NULL if it is
+ * not known. */
 static struct picture *read_strength(const struct picture *picture, const struct picture *dark,
                                      struct picture **ret_reflectance, GError **error) {
     const gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -107,8 +107,8 @@ static gboolean same_size(const struct picture *a, int width, int height) {
     return a->width == width && a->height == height;
 }
 
-/* Finds the board and the line in a photograph. A photograph that shows too little is listed as
- * rejected. Returns FALSE with an error if the whole calibration must end. */
+/* Finds the board and the line in a photograph. A photograph in which they are not found is listed
+ * as rejected. Returns FALSE with an error only if the whole calibration must end. */
 static gboolean look_at(struct job *job, const char *path, BoardCensus *census, GError **error) {
     const struct rig_camera *camera = &job->base.calibration->rig.cameras[job->camera];
     g_autoptr(Picture) picture = calibrate_read_photograph(path, error);
@@ -151,7 +151,8 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
-        /* If the board's reflectance is not known, white print may be brighter than the line. */
+        /* Without the board's reflectance, white print may be taken for the line, because it may be
+         * brighter. */
         const char *advice = corners && strength && !reflectance
                                  ? "; no colour of the photograph belongs to the laser alone: take "
                                    "the same photographs without the laser, and give --dark-images"
@@ -169,9 +170,9 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     return TRUE;
 }
 
-/* Chooses the laser of the name --name, which must be fixed. Without --name, this is the only laser
- * of the rig or, if there is not exactly one, “laser”. In a calibration from photographs, a new
- * laser is added if there is none of that name. */
+/* Chooses the laser that has the name of --name; the laser must be fixed. Without --name, the only
+ * laser of the rig is chosen. If the rig has no laser or several, the name is “laser”. If a
+ * calibration from photographs has no laser of the name, a new laser is added to it. */
 static gboolean choose_laser(struct job *job, GError **error) {
     struct rig *rig = &job->base.calibration->rig;
     const char *name = laser_images_name    ? laser_images_name
@@ -247,8 +248,8 @@ static gboolean choose_camera(struct job *job, const char *path, GError **error)
     return FALSE;
 }
 
-/* Stores the plane as the sheet of a laser. The sheet does not turn, so any axis in the plane is
- * suitable. A laser that has an axis keeps it, projected onto the plane. */
+/* Stores the plane as the sheet of a laser. If the laser has an axis, that axis is projected onto
+ * the plane. Otherwise the axis is any direction in the plane, because the sheet does not turn. */
 static void keep_laser(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     struct rig_laser *laser = &calibration->rig.lasers[job->laser];
@@ -411,7 +412,8 @@ static void tell(Record *to, const struct calibrate_job *base) {
         "a laser or camera that moved between photographs, a sheet of light or a board that is "
         "bent, an inaccurate calibration of the lens"};
     calibrate_warn_residual(base, &residual);
-    /* "replaced" in the record is for the calibration file. */
+    /* The entry "replaced" of the record is about the calibration file, so a replaced table is only
+     * said in words. */
     if (job->table && output_file_note(job->table))
         record_say(to, "%s\n", output_file_note(job->table));
 }

@@ -1,5 +1,5 @@
-/* calibrate laser --images: calibrates a laser that stands still from photographs of a board with
- * the laser's line. */
+/* calibrate laser --images: calibrates a laser that does not move, from photographs of a board on
+ * which the laser's line falls. */
 #pragma once
 
 #include "common/cli.h"
@@ -9,5 +9,6 @@
 extern char *laser_images_folder, *laser_images_dark, *laser_images_board, *laser_images_name,
     *laser_images_plane;
 
-/* Runs the command with the values above. Writes the calibration to -o. Returns an exit code. */
+/* Runs the command with the option values above. Writes the calibration to -o. Returns an exit
+ * code. */
 int laser_images_calibrate(const struct call *call, GError **error);

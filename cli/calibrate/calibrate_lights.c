@@ -1,5 +1,5 @@
 /* calibrate lights: finds the lamps and the arc from a captured session of posts or balls. With
- * --images, it finds the directions of light in photographs from balls in them. */
+ * --images, finds the directions of light from balls in photographs. */
 #include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_photos.h"
@@ -9,8 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Number of rounds of measuring. The first round begins with the positions of the calibration, and
- * each further round with the positions that the previous one found. */
+/* Number of rounds of measuring. The first round starts from the positions in the calibration. Each
+ * further round starts from the positions that the round before has found. */
 #define ROUNDS       2
 #define LOCATE_VIEWS 6   /* maximum number of views in which the plate is searched for */
 #define LOCATE_SHOTS 8   /* maximum number of pictures of each of these views */
@@ -18,10 +18,14 @@
 /* Largest displacement and rotation of the target from its described place. */
 #define REACH_MM  5.0
 #define REACH_RAD (5 * G_PI / 180)
-#define DECISIVE  0.15 /* a mistake is certain if undoing it raises the agreement by this */
-#define MISSES    4.0  /* a mistake is also certain if undoing it divides 1 − agreement by this */
-#define MIN_USED  0.5  /* if a smaller share of the sights is used, a mistake is searched for */
-#define DEGREES   (180 / G_PI)
+/* A mistake is certain if undoing it raises the agreement by more than this. */
+#define DECISIVE 0.15
+/* A mistake is also certain if undoing it divides the missing agreement, 1 − agreement, by more
+ * than this. */
+#define MISSES 4.0
+/* If the share of sights that are used is smaller than this, a mistake is searched for. */
+#define MIN_USED 0.5
+#define DEGREES  (180 / G_PI)
 
 static char *target_option;
 static const GOptionEntry entries[] = {
@@ -92,8 +96,8 @@ static gboolean step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Moves the pictures of the array `all` to the frames of the job. Of a lamp with more than
- * MAX_A_LAMP pictures, moves about MAX_A_LAMP of them, evenly spaced. */
+/* Moves the pictures of the array `all` to the frames of the job. A lamp with more than MAX_A_LAMP
+ * pictures keeps about MAX_A_LAMP of them, evenly spaced. */
 static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
     for (guint i = 0; i < all->len; i++)
@@ -157,9 +161,8 @@ static gboolean gather(struct job *job, GError **error) {
     return TRUE;
 }
 
-/* Returns the picture of a frame. If pictures are kept, job->kept owns it. Otherwise *ret is set to
- * the picture as well, and the caller owns the picture. Returns NULL with an error if the picture
- * cannot be read. */
+/* Returns the picture of a frame, or NULL with an error if the picture cannot be read. If job->kept
+ * exists, it owns the picture. Otherwise the caller owns the picture, and *ret is set to it. */
 static struct picture *read_frame(struct job *job, const struct calibrate_frame *frame,
                                   struct picture **ret, GError **error) {
     struct picture *picture = job->kept ? g_hash_table_lookup(job->kept, frame) : NULL;
@@ -193,7 +196,7 @@ static ShadowView *load_view(struct job *job, const struct view *view, guint mos
     return g_steal_pointer(&shadows);
 }
 
-/* Loads some views with some of their pictures, in which the plate is searched for. */
+/* Loads some views with some of their pictures. The plate is searched for in these pictures. */
 static GPtrArray *load_some(struct job *job, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func((GDestroyNotify)shadow_view_free);
     guint every = 1 + job->views->len / LOCATE_VIEWS;
@@ -215,9 +218,10 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-/* Fits the lamps to the sights. Then tests whether the marks have other sizes, before any other
- * mistake is searched for, because this test needs no new measurement of the sights. Returns FALSE
- * with an error if the fit fails, or if the sights fit much better with other sizes. */
+/* Fits the lamps to the sights. Then tests whether the posts or balls have other sizes than
+ * described. This mistake is tested before all others, because the test needs no new measurement of
+ * the sights. Returns FALSE with an error if the fit fails, or if the sights fit much better with
+ * other sizes. */
 static gboolean adjust(struct job *job, GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
     const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;
@@ -279,8 +283,8 @@ static gboolean measure_balls(struct job *job, GError **error) {
     return adjust(job, error);
 }
 
-/* A mistake in the values that were noted for the pictures. The true angles are the noted ones
- * times these factors. Where lamp i was noted, lamp lamps[i] was lit. */
+/* A mistake in the values that were recorded with the pictures. The true angles are the recorded
+ * angles times these factors. If lamp i was recorded, lamp lamps[i] was lit. */
 struct mistake {
     double turntable, arc;
     int lamps[RIG_MAX_LAMPS];
@@ -293,11 +297,16 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* Returns the mistakes that are tried. The first one is no mistake. The others are wrong signs,
- * radians instead of degrees, two exchanged lamps, and lamps that are numbered from the other end
- * or from a neighbour. Each mistake is tried on many pictures. If there are many lamps, only lamps
- * with neighbouring numbers are therefore exchanged. For balls, mistakes of lamps are not tried:
- * balls show lamps wherever they are, and lamps_fit() finds exchanged lamps. */
+/* Returns the mistakes that are tried. The first element stands for no mistake. The others are:
+ * - wrong signs,
+ * - radians instead of degrees,
+ * - two exchanged lamps,
+ * - lamps that are numbered from the other end, or by one too high or too low.
+ * Each mistake is tried on many pictures. If there are many lamps, only lamps with neighbouring
+ * numbers are therefore exchanged.
+ *
+ * For balls, mistakes of lamps are not tried, because balls show lamps wherever they are, and
+ * lamps_fit() finds exchanged lamps. */
 #define MAX_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{1, 1},       {-1, 1},      {1, -1},           {-1, -1},
@@ -340,9 +349,9 @@ static void set_mistake(struct job *job, const struct calibrate_frame *noted,
     sort_into_views(job);
 }
 
-/* Computes how well the pictures agree with the noted values if each mistake is undone. ret[k]
- * is the share of the posts' shadows, 0 to 1, that is dark without mistake k. Returns FALSE if the
- * work was cancelled or a picture cannot be used. */
+/* Computes how well the pictures of posts agree with the recorded values if each mistake is undone.
+ * ret[k] is the share of the posts' expected shadows that is dark if mistake k is undone, 0 to 1.
+ * Returns FALSE if the work was cancelled or a picture cannot be used. */
 static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     gboolean ok = TRUE;
@@ -359,8 +368,8 @@ static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
     return ok;
 }
 
-/* Does for balls what try_poles() does for posts. Computes the share of the balls that show the
- * lamp at the place at which all others show it. Reads each picture once. */
+/* The same as try_poles(), but for balls. ret[k] is the share of the balls that show the lamp at
+ * the place at which all others show it. Each picture is read once. */
 static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     g_autoptr(GPtrArray) sights = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
@@ -443,17 +452,19 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
             job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name, fit);
 }
 
-/* Returns whether a better agreement cannot be chance: much more of the expected shadows or
- * highlights is seen, or hardly any is missing. */
+/* Returns whether undoing a mistake improves the agreement so much that it cannot be chance. `is`
+ * is the agreement with the recorded values, and would_be that with the mistake undone. */
 static gboolean decisive(double is, double would_be) {
     return would_be >= SHADOWS_MIN_SCORE &&
            (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
 }
 
-/* Called after a failure, or if little fits. If one mistake explains the pictures decisively better
- * than the noted values, sets the error to that mistake and returns TRUE. Otherwise returns FALSE.
- * target is the target as described in its file. The sights and the result of the job do not
- * change, but job->rig and job->target are reset to those before any measurement. */
+/* Searches for a mistake after a failure, or if few sights fit. If one mistake explains the
+ * pictures decisively better than the recorded values, sets the error to that mistake and returns
+ * TRUE. Otherwise returns FALSE. target is the target as described in its file.
+ *
+ * The sights and the result of the job do not change. job->rig and job->target are reset to their
+ * values before any measurement. */
 static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
     const guint n = job->base.frames->len;
     g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);
@@ -477,8 +488,9 @@ static gboolean find_mistake(struct job *job, const struct lamp_target *target, 
     return TRUE;
 }
 
-/* Predicts the place of a sight in its picture. A sight of posts is converted from the plate to the
- * picture as well. Returns FALSE if one of both places is not in front of the camera. */
+/* Predicts the place of a sight in its picture. The seen place of a post's shadow is on the plate,
+ * and is converted to the picture too. Returns FALSE if the seen or the predicted place is not in
+ * front of the camera. */
 static gboolean place_sight(const struct job *job, const struct rig *at, const struct lamp_sight *s,
                             struct found_mark *ret) {
     const struct lamp_target *target = &job->result.target;

@@ -1,4 +1,4 @@
-/* calibrate lights --images: finds the directions of light in photographs from balls in them. */
+/* calibrate lights --images: finds the directions of light from balls in photographs. */
 #include "calibrate_photos.h"
 
 #include "calibrate.h"
@@ -11,19 +11,23 @@
 #include <string.h>
 
 #define INSIDE 0.97 /* part of a ball's radius within which the highlight is searched for */
-/* A much brighter highlight outside of a ball, at most AROUND times the radius from the centre of
- * the ball, shows that the given circle is wrong. */
+/* A highlight outside of a ball shows that the given circle is wrong if it is much brighter than
+ * that on the ball. The highlight is searched for up to this distance from the centre of the ball,
+ * in radii. */
 #define AROUND 1.3
-/* Such a highlight has at least this many times the energy of the highlight on the ball. */
+/* A highlight outside of a ball is much brighter if its energy is at least this many times that of
+ * the highlight on the ball. */
 #define BRIGHTER 5.0
-/* Largest part of a ball's disc that a highlight may cover: 26° around the lamp. */
+/* Largest part of a ball's disc that a highlight may cover. It corresponds to directions within 26°
+ * of the lamp. */
 #define SPOT_SHARE 0.05
-#define GIVEN_PX   0.5  /* standard deviation, in pixels, of a circle that the user has given */
-#define MOVED      0.05 /* largest error of centre or radius of such a circle, in radii */
-#define MOVED_PX   4    /* largest error of the circle of a small ball, in pixels */
-#define WHITE      0.98 /* part of the brightest pixel from which a pixel counts as clipped */
-/* An outline that differs from the given circle by more than MOVED, but by less than this part
- * of the radius, shows that the circle is a mistake. */
+#define GIVEN_PX   0.5 /* standard deviation of a circle that the user has given, in pixels */
+/* Largest error of the centre or the radius of a circle that the user has given, in radii. */
+#define MOVED    0.05
+#define MOVED_PX 4    /* the same for a small ball, in pixels; the larger of the two counts */
+#define WHITE    0.98 /* A pixel counts as clipped from this part of the brightest pixel on. */
+/* An outline at another place shows that the given circle is a mistake, provided that it differs
+ * from the circle by less than this part of the radius. */
 #define LOST 0.25
 #define DEG  (180 / G_PI)
 
@@ -33,22 +37,25 @@ double photos_dome_mm, photos_radius_mm, photos_focal_px, photos_within_deg = 0.
 struct light {
     char *name; /* name of the file */
     struct ball_light found;
-    /* with --dome-radius: relative to the middle of the dome */
+    /* With --dome-radius: position of the lamp relative to the middle of the dome. */
     struct vec3 dome_mm;
-    double dome_error_mm; /* RMS distance from the true position, along the dome */
+    double dome_error_mm; /* RMS distance along the dome from the true position */
 };
 
 struct job {
     struct ball_outline given[BALL_LIGHT_MAX], balls[BALL_LIGHT_MAX];
-    double sigma_px[BALL_LIGHT_MAX];   /* standard deviations of the circles in balls */
-    gboolean outlined[BALL_LIGHT_MAX]; /* whether the circle in balls was found in the pictures */
-    BallEdges *edges[BALL_LIGHT_MAX];  /* NULL if the ball is too small */
+    double sigma_px[BALL_LIGHT_MAX]; /* standard deviations of the circles in balls */
+    /* whether the outline of the ball was found in the pictures */
+    gboolean outlined[BALL_LIGHT_MAX];
+    BallEdges *edges[BALL_LIGHT_MAX]; /* NULL if the ball is too small */
     int n_balls;
     double focal_px;    /* 0 if not known */
-    struct vec3 middle; /* of the dome, in radii, as the places of highlights */
-    char *focal_said;   /* where a focal length of a photograph is from; NULL if it was given */
-    GPtrArray *names;   /* paths */
-    /* Mean of the square roots of light, over the pictures that are not overexposed. */
+    struct vec3 middle; /* middle of the dome in the frame of the highlights, in radii of a ball */
+    /* Says from where the focal length of a photograph is; NULL if the user gave it. */
+    char *focal_said;
+    GPtrArray *names; /* paths */
+    /* Mean over the pictures that are not overexposed. Each pixel has the mean of the square roots
+     * of its values. */
     Picture *mean;
     int n_mean;
     GArray *lights; /* of struct light */
@@ -64,8 +71,8 @@ static void reject(struct job *job, const char *name, int ball, const char *why)
     g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
 }
 
-/* Returns whether a larger part of a ball is white than a lamp's highlight can cover. The glare in
- * such a picture extends beyond the outline. */
+/* Returns whether a larger part of a ball is white than a lamp's highlight can cover. Such a
+ * picture is not used for outlines, because its glare extends beyond the outline. */
 static gboolean overexposed(const struct job *job, const struct picture *picture, int i) {
     const struct ball_outline *ball = &job->given[i];
     const int reach = (int)ball->radius_px, x = (int)ball->x_px, y = (int)ball->y_px;
@@ -84,8 +91,8 @@ static gboolean overexposed(const struct job *job, const struct picture *picture
     return white > SPOT_SHARE * G_PI * reach * reach;
 }
 
-/* Adds a picture to the outlines and the mean, unless a ball in it is overexposed. The mean is
- * of the square root of light, so that highlights do not outshine outlines. */
+/* Adds a picture to the outlines and to the mean, unless a ball in it is overexposed. The mean is
+ * that of the square roots, so that highlights do not outshine outlines. */
 static void add_to_mean(struct job *job, const struct picture *picture) {
     const int pixels = picture->width * picture->height;
     struct picture **mean = &job->mean;
@@ -103,8 +110,8 @@ static void add_to_mean(struct job *job, const struct picture *picture) {
 }
 
 /* Finds a ball's outline in the pictures, because it is more accurate than a circle that somebody
- * has drawn. Fails if the only outline in the pictures is far from that circle, because the circle
- * is then a mistake. If there is no outline, uses the circle. */
+ * has drawn. If there is no outline, the circle is used. Fails if there is an outline, but not near
+ * the circle, because the circle is then a mistake. */
 static gboolean outline(struct job *job, int i, GError **error) {
     const struct ball_outline *given = &job->given[i];
     struct ball_outline seen;
@@ -139,8 +146,8 @@ static int count_of(const GArray *sizes, const struct size *size) {
     return n;
 }
 
-/* Leaves out pictures whose size differs from that of most pictures, for instance thumbnails or
- * pictures of something else. The balls must be at the same place in all pictures. The progress
+/* Leaves out pictures whose size differs from that of most pictures, because the balls must be at
+ * the same place in all pictures. Such pictures are thumbnails or show something else. The progress
  * stage is "sizes". Returns FALSE if a picture cannot be read, or if the work is cancelled. */
 static gboolean leave_out_sizes(struct job *job, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
@@ -195,10 +202,10 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
     return FALSE;
 }
 
-/* Looks next to the ball for a highlight that is brighter than the one on the ball: the given
- * circle is then in the wrong place. Returns a text that says so, or NULL if there is no such
- * highlight, or if it is on another ball. energy is the energy of the highlight on the ball, or 0
- * if none was found there. */
+/* Looks next to the ball for a highlight that is much brighter than the one on the ball. `energy`
+ * is the energy of the highlight on the ball, or 0 if none was found there. Returns a text that
+ * says that the given circle is wrong, or NULL if there is no such highlight. A highlight on
+ * another ball does not count. */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double max_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};
@@ -215,9 +222,9 @@ static char *look_around(const struct job *job, const struct picture *picture,
         around.x_px, around.y_px);
 }
 
-/* Measures the direction in which a ball shows the light. Positions are in radii of the ball. They
- * are relative to the first ball or, if the focal length is given, to the camera. Returns NULL on
- * success, otherwise the reason of the failure; g_free(). */
+/* Measures the direction in which a ball shows the light. Positions are in radii of the ball. Their
+ * origin is the first ball or, if the focal length is known, the camera. Returns NULL on success,
+ * otherwise the reason of the failure, to be freed with g_free(). */
 static char *measure_ball(const struct job *job, const struct picture *picture, int i,
                           struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
@@ -241,12 +248,13 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
                                    &shift_rad))
         return g_strdup("has its highlight outside of its outline, or is too large for the focal "
                         "length; check --ball and --focal");
-    /* A ball that appears larger than another of the same size is nearer. This is neglected. */
+    /* A ball that appears larger than another of the same size is nearer to the camera. This
+     * difference is neglected. */
     if (job->focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
                                              (first->y_px - ball->y_px) / ball->radius_px, 0));
-    /* The true direction lies between the mean direction and that at the highlight's centroid,
-     * because part of the highlight's size is blur. */
+    /* The mean direction of the highlight differs from the direction at its centroid by shift_rad.
+     * The true direction lies between these two, because part of the highlight's size is blur. */
     ret->sigma_rad = hypot(shift_rad / 2, ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px,
                                                                found.y_px, found.sigma_px));
     return NULL;
@@ -290,7 +298,8 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
                         ceil(10 * sigma_rad * DEG) / 10));
 }
 
-/* Places the lamp on the dome: where the rays of the balls that agree meet the dome, on average. */
+/* Places the lamp where the rays of the balls meet the dome, on average. Balls that disagree are
+ * left out. Returns FALSE if a ray does not meet the dome. */
 static gboolean place_on_dome(const struct job *job, const struct ball_ray *rays, int n,
                               struct light *light) {
     const double radius = photos_dome_mm / photos_radius_mm;
@@ -312,9 +321,9 @@ static gboolean place_on_dome(const struct job *job, const struct ball_ray *rays
     return TRUE;
 }
 
-/* Measures the direction to the lamp from the highlights on all balls in which it is seen. Returns
+/* Measures the direction to the lamp from the highlights on all balls that show the lamp. Returns
  * FALSE with an error if the balls contradict each other. If no ball shows the lamp, or if the
- * direction is too uncertain, the picture is only rejected. */
+ * direction is too uncertain, the picture is only rejected and the result is TRUE. */
 static gboolean measure(struct job *job, const struct picture *picture, GError **error) {
     struct ball_ray rays[BALL_LIGHT_MAX] = {0};
     int balls[BALL_LIGHT_MAX], n = 0;
@@ -383,7 +392,7 @@ static gboolean find_middle(struct job *job, GError **error) {
     return FALSE;
 }
 
-/* Takes the focal length that was given, or that of the first photograph. */
+/* Uses the focal length that was given. Without one, uses that of the first photograph. */
 static void find_focal(struct job *job) {
     struct picture_says says;
     job->focal_px = photos_focal_px;

@@ -5,10 +5,10 @@
 
 #include <string.h>
 
-#define MAX_GLARE   0.02 /* glare relative to the mean light; above it, a warning is given */
+#define MAX_GLARE   0.02 /* A warning is given if the glare exceeds this part of the mean light. */
 #define MAX_FLICKER 0.005
 #define OUTLINE     16 /* number of marks on each side of the tile on the page of --found */
-/* Expected errors of the lamps' light distribution in a rig file. */
+/* Errors that the exponent and the aim of a lamp in a rig file are expected to have. */
 #define EXPONENT_ERROR 1.0
 #define AIM_ERROR_RAD  (5 * G_PI / 180)
 
@@ -43,8 +43,8 @@ static void warn(const struct calibrate_job *base, const struct tile_result *r) 
                                   "lamps that are not where the calibration says, light that is "
                                   "scattered in the lens, a sensor of uneven gain"};
     calibrate_warn_residual(base, &tile);
-    /* The RMS of the errors of the exponent and of the two tilts of the aim, each relative to its
-     * expected error. */
+    /* The RMS of three errors: those of the exponent and of the two tilts of the aim. Each is
+     * divided by its expected error. */
     const double off =
         hypot(r->exponent_off / EXPONENT_ERROR, r->aim_off_rad / AIM_ERROR_RAD) / sqrt(3);
     if (off > RESIDUAL_LIMIT)
@@ -159,7 +159,7 @@ static gboolean mark_tile(struct job *job, Session *session, GError **error) {
     for (guint i = 0; i < frames->len; i++) {
         const struct calibrate_frame *frame = frames->pdata[i];
         for (int k = 0; k < 4 * OUTLINE; k++) {
-            /* The position along the side k / OUTLINE, −1 to 1, and the side itself. */
+            /* The position along the side, −1 to 1, and the side k / OUTLINE. */
             const double along = 2.0 * (k % OUTLINE) / OUTLINE - 1;
             const double u[] = {along, 1, -along, -1}, v[] = {-1, along, 1, -along};
             const int side = k / OUTLINE;

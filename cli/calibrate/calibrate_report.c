@@ -15,8 +15,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Beginning of the HTML page. Its numbers have decimal points, since the programs set no numeric
- * locale. */
+/* The beginning of the HTML page. Numbers in the page have decimal points, because the programs set
+ * no numeric locale. */
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
     "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -43,7 +43,7 @@ static char *escaped(const char *text) {
     return g_markup_escape_text(text, -1);
 }
 
-/* Appends the doubts about a part that a user should check before relying on it. */
+/* Appends the reasons to doubt a part, which a user should check before relying on the part. */
 static void doubt_part(GPtrArray *to, const struct calibration *calibration,
                        enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
@@ -182,7 +182,9 @@ static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const
     g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y,
                            colour);
     if (plan->above)
-        return; /* labels of devices above one another would overlap */
+        /* A view from above has no labels, because labels of devices above one another would
+         * overlap. */
+        return;
     g_autofree char *text = escaped(name);
     g_string_append_printf(
         to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
@@ -248,8 +250,8 @@ static double *report_column(const struct calibration *calibration, const char *
     return values;
 }
 
-/* Adds the residuals of a camera as arrows. An arrow of the RMS residual is 8 pixels of the page
- * long. */
+/* Adds the residuals of a camera as arrows. The RMS residual is drawn as an arrow of 8 pixels of
+ * the page. */
 static void add_vectors(GString *to, const struct calibration *calibration, int camera) {
     const struct rig_camera *c = &calibration->rig.cameras[camera];
     const struct calibration_camera *e = &calibration->cameras[camera];
@@ -278,7 +280,8 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
         name, e->residual_rms_px, arrow / scale);
 }
 
-/* Begins a diagram of deviations over a turn or over time, with a line at zero in the middle. */
+/* Begins a diagram of deviations over a turn of the turntable or over time, with a line at zero in
+ * the middle. */
 static void begin_diagram(GString *to, const char *title) {
     g_string_append_printf(to,
                            "<h2>%s</h2>\n<figure><svg width=\"%d\" height=\"160\" viewBox=\"0 0 "

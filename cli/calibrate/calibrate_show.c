@@ -34,8 +34,8 @@ static void show_part(Record *to, const struct calibration *calibration,
         record_say(to, "  incomplete: %s\n", lacking[i]);
 }
 
-/* Lists the observations that were left out, if the user asks for them; otherwise tells
- * how to ask. They may be hundreds of lines, and come last. */
+/* Lists the observations that were left out, if the user asks for them. Otherwise tells how to ask.
+ * The list comes last, because it may have hundreds of lines. */
 static void show_left_out(Record *to, const struct calibration *calibration, const char *path) {
     guint n = 0;
     for (int i = 0; i < CALIBRATION_PARTS; i++) {

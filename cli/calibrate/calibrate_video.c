@@ -11,9 +11,10 @@
 /* Maximum number of frames that are searched for the board; each is the sharpest of its window. */
 #define MAX_KEPT   64
 #define MAX_CHOSEN 30
-/* Part of the picture's width. Boards that are less than this apart count as one. */
-#define DOUBLED   0.03
-#define WITHIN_PX 3 /* corners farther than this from the homography do not count */
+/* Two boards count as one place if they are less than this part of the picture's width apart. */
+#define DOUBLED 0.03
+/* A corner that is farther than this from its place by the homography does not count. */
+#define WITHIN_PX 3
 
 struct telling {
     const struct work *work;
@@ -25,9 +26,9 @@ static gboolean progress(int done, int n, gpointer data, GError **error) {
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Computes x, y in pixels of the board's four outer corners in a frame. corners is NULL if the
- * board is not seen. Returns the number of corners, or 0 if there are too few or they fit no
- * homography. */
+/* Computes x, y in pixels of the board's four outer corners in a frame. corners has the corners
+ * that were found, or is NULL if the board was not seen. Returns the number of corners, or 0 if
+ * there are fewer than 4 or they fit no homography. */
 static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];
@@ -54,8 +55,8 @@ static guint board_place(const struct board *board, const GArray *corners, doubl
 }
 
 /* Returns the RMS distance between the outer corners of the board in two frames, in pixels. A board
- * that looks the same upside down may be found either way round. The smaller of the two distances
- * therefore counts. */
+ * that looks the same upside down may be found either way round. The distance is therefore computed
+ * for both ways, and the smaller one is returned. */
 static double places_apart(const double a[8], const double b[8]) {
     double sum[2] = {0, 0};
     for (int turned = 0; turned < 2; turned++)
@@ -75,9 +76,9 @@ static double sharpness(const struct calibrate_video *video, guint i) {
     return g_array_index(video->video->frames, struct video_frame, i).sharpness;
 }
 
-/* Returns the sharpest of the frames that show the board within `least` pixels of its place in
- * frame `at`. Frames in which the board is within `least` pixels of its place in a chosen frame are
- * not considered. */
+/* Returns the sharpest of the frames that show the board at the same place as frame `at`, which
+ * means within `least` pixels of it. A frame whose board is within `least` pixels of that in a
+ * chosen frame is not considered. */
 static guint sharpest_beside(const struct calibrate_video *video, const double *places,
                              const double *apart, guint at, double least) {
     guint best = at;
@@ -88,9 +89,9 @@ static guint sharpest_beside(const struct calibrate_video *video, const double *
     return best;
 }
 
-/* Chooses frames one by one: first the frame with the most corners, then each time the frame whose
- * board is farthest from the boards of all frames chosen before. places contains 8 numbers for each
- * kept frame (board_place()), corners the number of corners that the frame shows. */
+/* Chooses frames one by one. The first is the frame with the most corners. Each further one is the
+ * frame whose board is farthest from the boards of all chosen frames. For each kept frame, places
+ * has the 8 numbers of board_place(), and corners has the number of corners that were found. */
 static void choose(struct calibrate_video *video, const double *places, const guint *corners) {
     const guint n = video->video->frames->len;
     const double least = DOUBLED * video->video->width;

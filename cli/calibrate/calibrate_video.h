@@ -1,13 +1,15 @@
 /*
- * Chooses photographs of a board from a video: frames that are sharp, that show the board, and in
- * which it lies at places that are far from each other.
+ * This module chooses frames of a video that are used as photographs of a board. The frames are
+ * sharp and show the board at places that are far from each other.
  *
- * A homography is fitted to the corners that were found. It gives the positions of the four outer
- * corners, which are the place of the board. The distance of two places is the RMS over the four
- * corners. The frame with the most corners is chosen first. Then, one after the other, the frame is
- * chosen whose board is farthest from the boards of all chosen frames. Places that are closer to
- * each other than a certain part of the picture's width count as one place at which the board was
- * held still. Of the frames at one place, the sharpest is taken.
+ * A homography is fitted to the corners that were found. It gives the positions of the board's four
+ * outer corners, which are called the place of the board. The distance of two places is the RMS
+ * over the four corners.
+ *
+ * The frame with the most corners is chosen first. Each further choice is the frame whose board is
+ * farthest from the boards of all chosen frames. Places that are closer to each other than a
+ * certain part of the picture's width count as one, because the board was then held still. Of the
+ * frames at one place, the sharpest is taken.
  */
 #pragma once
 
@@ -18,7 +20,7 @@
 typedef struct calibrate_video {
     Video *video;
     char *path, *checksum;
-    GArray *chosen; /* of guint: indices into video->frames, in order */
+    GArray *chosen; /* chosen frames: their indices in video->frames, ascending, as guint */
     int n_seen;     /* number of kept frames that show the board */
 } CalibrateVideo;
 
