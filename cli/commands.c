@@ -56,7 +56,7 @@ static const struct command *const commands[] = {
     NULL,
 };
 
-/* The headings of --help, each above the first command of its group. */
+/* The headings of --help. Each precedes the first command of its group. */
 static const struct {
     const struct command *first;
     const char *head;

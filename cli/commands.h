@@ -6,8 +6,8 @@
 /* Returns all commands. The table ends with NULL. */
 const struct command *const *cli_commands(void);
 
-/* For mesorig --complete. Prints the candidates for the last of n words that follow the program's
- * name. Each line has the word, a tab, and its description. */
+/* Completes words for --complete: prints the candidates for the last of n words that follow the
+ * program's name. Each line has the word, a tab, and its description. */
 void complete_words(const struct command *const *commands, char *const *words, int n);
 
 /* Runs the whole program mesorig: finds the command and runs it. Returns an exit code. */

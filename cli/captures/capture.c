@@ -41,9 +41,9 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* Returns the options of a start or, if session is NULL, of a resume. chosen contains the
- * exposures that replace "auto" in the session file; it may be NULL. Returns NULL if a file that
- * the options name cannot be read. */
+/* Returns the options of the method Start or, if session is NULL, of Resume. chosen has the
+ * exposures that replace "auto" in the session file, or is NULL. Returns NULL with an error if a
+ * file that the options name cannot be read. */
 static GVariant *start_options(Link *link, const char *session, const char *chosen,
                                GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -156,8 +156,8 @@ static int capture(const struct call *call, const char *rig, const char *session
         code = wait_for_products(monitor, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* The child of a private daemon, which makes the products, ends with the daemon. The remaining
-     * products are made here. */
+    /* A private daemon ends with this command, and so does its child that makes the products. The
+     * remaining products are made here. */
     return code == CLI_DONE && process && private
                ? process_session(directory, session != NULL, call->record, error)
                : code;

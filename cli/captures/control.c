@@ -1,4 +1,5 @@
-/* status, watch, pause, continue, abort, safe, release, close: commands that control a daemon. */
+/* status, watch, pause, continue, finish, abort, safe, release, close: commands that control a
+ * daemon. */
 #include "bus/bus_errors.h"
 #include "captures.h"
 #include "common/link.h"
@@ -10,12 +11,12 @@
 
 #include <gio/gio.h>
 
-/* SAFE_WAIT_US is the longest time for which “safe” repeats its request, if devices have not
- * confirmed. SAFE_PAUSE_US is the pause between two requests. */
+/* While a device has not confirmed that it is safe, “safe” repeats its request. SAFE_WAIT_US is the
+ * longest time for which it does so, and SAFE_PAUSE_US is the pause between two requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
 #define SAFE_PAUSE_US (100 * 1000)
 
-/* Returns the directory that was given, or NULL; g_free(). */
+/* Returns the directory that was given on the command line, or NULL. Free it with g_free(). */
 static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
@@ -54,7 +55,7 @@ static void tell_status(Record *to, BusRig1 *rig) {
 
 static int run_status(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
-    /* Without a daemon, the contents of the directory are shown. */
+    /* If no daemon is found, the contents of the directory are shown instead. */
     const gboolean readable = directory && !cli_address && !cli_bus;
     g_autoptr(Link) link = link_find(directory, readable ? NULL : error);
     if (!link)
@@ -93,15 +94,15 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Reports the effect of a command, its rig and its session. session is the directory of the session
- * that is being captured, or "" if there is none. */
+/* Adds to the record what a command has done, the rig, and the directory of the session that is
+ * being captured, or "" if there is none. */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
     record_add(to, "%s{done} %s{rig} %s{session}", done, rig, session);
 }
 
-/* Commands that send one request to the daemon. They print done, session and rig. If how is not
- * NULL, they also print how the request is carried out, and if next is not NULL, the command with
- * which to continue. */
+/* Commands that send one request to the daemon, and the words that report the success: `done` is
+ * what has been done, `how` is how the daemon carries out the request, and `next` is the command
+ * with which to continue. `how` and `next` may be NULL. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);
@@ -161,9 +162,9 @@ static int run_close(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-/* SafeState answers within a quarter of a second. A slow device may confirm later. The command
- * therefore asks again until all devices have confirmed or SAFE_WAIT_US have passed. SAFE_WAIT_US
- * is longer than the deadline of a command to a laser or lamp. */
+/* The method SafeState answers within a quarter of a second, but a slow device may confirm later.
+ * The command therefore asks again until all devices have confirmed, or until SAFE_WAIT_US have
+ * passed. SAFE_WAIT_US is longer than the deadline of a command to a laser or lamp. */
 static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
                           GError **error) {
     const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;
@@ -177,7 +178,8 @@ static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devic
     }
 }
 
-/* Prints the answer of each device. It is a failure if a device has not confirmed its state. */
+/* Makes the rig safe, and prints the answer of each device. Returns CLI_FAILED if a device has not
+ * confirmed its state. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
@@ -197,8 +199,9 @@ static int run_safe(const struct call *call, GError **error) {
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
         record_say(call->record, "%-10s %-16s %s\n", class_name, name, state);
-        /* "sent …" is said of a device that cannot be read back; other words are those of a device
-         * that has not confirmed its state, or of a daemon that is too busy to ask its devices. */
+        /* The answer "sent …" belongs to a device that cannot be read back. Any other answer than
+         * these two means that the device has not confirmed its state, or that the daemon is too
+         * busy to ask its devices. */
         if (!g_str_equal(state, "read back") && !g_str_has_prefix(state, "sent"))
             g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
                                    state);

@@ -41,8 +41,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Reads an answer into the value of a question. Returns what is wrong with the answer (g_free()),
- * or NULL. */
+/* Reads an answer and stores it in rig. Returns NULL, or a text that says what is wrong with the
+ * answer, to be freed with g_free(). */
 typedef char *(*Take)(const char *text, struct new_rig *rig);
 
 static char *take_kind(const char *text, struct new_rig *rig) {
@@ -54,7 +54,8 @@ static char *take_kind(const char *text, struct new_rig *rig) {
     return g_strdup_printf("there is no kind of rig “%s”; choose from: dome, turntable, arc", text);
 }
 
-/* Returns NULL if the bank has enough lamps, and otherwise the message, to free with g_free(). */
+/* Returns NULL if the bank has enough lamps. Otherwise returns the message, to be freed with
+ * g_free(). */
 static char *check_bank(const struct new_rig *rig) {
     const struct new_rig_way *bank = &new_rig_banks[rig->bank];
     if (rig->n_lamps <= bank->max_lamps)
@@ -64,7 +65,8 @@ static char *check_bank(const struct new_rig *rig) {
                            bank->name, bank->max_lamps, rig->n_lamps);
 }
 
-/* Reads the positions of the lamps. A file may have only directions. */
+/* Reads the positions of the lamps from a file. If the file has only directions, rig->far is set to
+ * TRUE. Returns NULL, or what is wrong with the file, to be freed with g_free(). */
 static char *take_positions(const char *path, struct new_rig *rig) {
     struct lamp_place otherwise = {.exponent = 1, .intensity = 1};
     g_autoptr(GError) error = NULL;
@@ -118,7 +120,8 @@ static char *names_of(const struct new_rig_way *ways) {
     return g_string_free(text, FALSE);
 }
 
-/* Reads “NAME” or “NAME:PLACE”. *ret_place becomes NULL without a place. */
+/* Reads “NAME” or “NAME:PLACE”, where NAME is one of `ways`. *ret_place becomes NULL without a
+ * place. Returns NULL, or what is wrong with the text, to be freed with g_free(). */
 static char *take_way(const char *text, const struct new_rig_way *ways, int *ret,
                       const char **ret_place) {
     const char *colon = strchr(text, ':');
@@ -189,7 +192,8 @@ static void ask(const char *question, const char *otherwise, Take take, struct n
     }
 }
 
-/* Asks for the ways and the places that the options do not give. */
+/* Asks how axes, lamps and cameras are operated, and where they are connected, as far as the
+ * options do not say so. */
 static void ask_ways(struct new_rig *rig) {
     const struct {
         const char *given, *question;
@@ -233,13 +237,14 @@ static void ask_board(struct new_rig *rig, GPtrArray *problems) {
     g_free(firmware);
 }
 
-/* Returns whether a device is taken from those that are plugged in, and not from its place. */
+/* Returns whether a device is to be found among those that are plugged in, because no place is
+ * asked for it. */
 static gboolean needs_scan(const struct new_rig *rig) {
     return rig->bank == NEW_RIG_RELAYS || rig->camera == NEW_RIG_FOUND ||
            (rig->axes == NEW_RIG_TIC && rig->kind != NEW_RIG_DOME);
 }
 
-/* Opens the cameras to learn the size of their pictures. */
+/* Opens the cameras to learn the size of their pictures. A failure is added to problems. */
 static void ask_cameras(struct new_rig *rig, GPtrArray *found, GPtrArray *problems) {
     g_autofree char *asked = new_rig_camera(rig);
     g_autoptr(GError) error = NULL;
@@ -262,8 +267,8 @@ static void ask_cameras(struct new_rig *rig, GPtrArray *found, GPtrArray *proble
     }
 }
 
-/* Makes the path of the positions relative to the folder of the rig file if they are in this
- * folder, and absolute otherwise. */
+/* Makes the path of the positions relative if their file is in the folder of the rig file, and
+ * absolute otherwise. */
 static void place_positions(struct new_rig *rig, const char *path) {
     if (!rig->positions)
         return;
@@ -274,7 +279,8 @@ static void place_positions(struct new_rig *rig, const char *path) {
     rig->positions = g_intern_string(g_str_equal(folder, beside) ? name : full);
 }
 
-/* Returns the name of the file without its suffix, which becomes the name of the rig. */
+/* Returns the name of the rig, which is the name of the file without its suffix. Free it with
+ * g_free(). */
 static char *id_of(const char *path) {
     g_autofree char *name = g_path_get_basename(path);
     char *dot = strrchr(name, '.');

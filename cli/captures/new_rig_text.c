@@ -36,11 +36,12 @@ const struct new_rig_way new_rig_cameras[] = {
 /* Size in pixels that is assumed for a camera that does not report the size of its pictures. */
 #define WIDTH  1920
 #define HEIGHT 1080
-/* Each picture is assumed to show the plane of the sample over this width. */
+/* Width that each picture is assumed to show in the plane of the sample. */
 #define FIELD_MM 200.0
-/* White paper under one lamp of 1 W/sr is assumed to be white in a picture of this time. */
+/* Exposure time at which white paper under one lamp of 1 W/sr is assumed to be white in a
+ * picture. */
 #define WHITE_S (1.0 / 60)
-#define BITS    12 /* of a camera whose number of bits is not known */
+#define BITS    12 /* number of bits that is assumed for a camera that does not report it */
 
 int new_rig_lamps(enum new_rig_kind kind) {
     static const int usual[] = {64, 16, 5};
@@ -58,7 +59,8 @@ static const struct found *find(const GPtrArray *found, const char *text, int n)
     return NULL;
 }
 
-/* Appends a heading and the keys of a device that was found. Alternatives are left out. */
+/* Appends a heading, and the keys of a device that was found. The alternative keys, which follow “#
+ * or, ”, are left out. */
 static void append_found(GString *to, const char *heading, const struct found *device) {
     const char *keys = strchr(device->section, '\n');
     const char *end = strstr(device->section, "# or, ");
@@ -80,8 +82,8 @@ static gboolean has_key(const struct found *device, const char *key) {
     return device && strstr(device->section, line);
 }
 
-/* Returns the value of a key in the section of a device, or `otherwise` if device is NULL or the
- * section lacks the key. */
+/* Returns the value of a key in the section of a device. Returns `otherwise` if device is NULL, or
+ * if the section lacks the key. */
 static int number_of(const struct found *device, const char *key, int otherwise) {
     g_autofree char *line = g_strdup_printf("\n%s = ", key);
     const char *at = device ? strstr(device->section, line) : NULL;
@@ -96,8 +98,9 @@ static void append_missing(GString *to, const char *heading, const char *what, G
     g_ptr_array_add(missing, g_strdup_printf("%s, for [%s]", what, heading));
 }
 
-/* Appends the keys of a program. The name of the device is its last argument, because two sections
- * must not have the same program with the same arguments. `name` may be NULL. */
+/* Appends the keys of a device that a program operates. The name of the device becomes the last
+ * argument, because two sections must not have the same program with the same arguments. `name` may
+ * be NULL. */
 static void append_program(GString *to, const char *driver, const char *place, const char *name) {
     const char *rest = strchr(place, ';');
     const int n = rest ? (int)(rest - place) : (int)strlen(place);
@@ -212,7 +215,7 @@ static void append_places(GString *to, const struct new_rig *rig) {
                            rig->radius_mm);
 }
 
-/* Appends the keys of lamps that are not on relays. */
+/* Appends the keys of a bank of lamps that is not a relay board. */
 static void append_bank(GString *to, const struct new_rig *rig) {
     const char *at = rig->bank_at, *port = strrchr(at, ':');
 
@@ -286,7 +289,7 @@ char *new_rig_camera(const struct new_rig *rig) {
     return g_string_free(text, rig->camera == NEW_RIG_FOUND);
 }
 
-/* Appends camera i of n. device is NULL if none was found. */
+/* Appends the section of camera i of n cameras. device is NULL if no camera was found. */
 static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
                           const struct found *device, GPtrArray *missing) {
     g_autofree char *asked = new_rig_camera(rig);
@@ -325,7 +328,8 @@ static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
         : n > 1  ? 15 + 60.0 * i / (n - 1)
                  : 30,
         overhead ? 270 : 180, distance_mm);
-    /* A white surface of radiance E/π = I/(π r²) gives white_dn after WHITE_S. */
+    /* A white surface that a lamp of intensity I lights from the distance r has the radiance E/π =
+     * I/(π r²), with I = 1 W/sr. It gives white_dn after WHITE_S. */
     g_string_append_printf(
         to,
         "# A guess. Reflectances are wrong by a common factor until a white tile "

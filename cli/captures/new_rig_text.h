@@ -6,7 +6,7 @@
 /* In the order of new_rig_kinds. */
 enum new_rig_kind {
     NEW_RIG_DOME,      /* fixed lamps in a dome, and one camera overhead; nothing moves */
-    NEW_RIG_TURNTABLE, /* a turntable under fixed lamps, in two rings, and fixed cameras */
+    NEW_RIG_TURNTABLE, /* a turntable under fixed lamps in two rings, and fixed cameras */
     NEW_RIG_ARC,       /* a turntable under an arc that turns and carries the lamps */
     NEW_RIG_KINDS,
 };
@@ -15,15 +15,15 @@ extern const char *const new_rig_kinds[]; /* their names, NULL-terminated */
 /* A way to operate axes, lamps or cameras. */
 struct new_rig_way {
     const char *name;
-    /* Question for the place of the device, and the usual answer. NULL if there is no such
-     * question. The place of a program is its path, which arguments may follow, all separated by
+    /* The question for the place of the device, and the usual answer. `question` is NULL if there
+     * is no such question. The place of a program is its path and its arguments, separated by
      * “;”. */
     const char *question, *usual;
-    int max_lamps; /* maximum number of lamps of one device, of new_rig_banks */
+    int max_lamps; /* maximum number of lamps of one device; only in new_rig_banks */
 };
 
-/* In the order of new_rig_axes, new_rig_banks and new_rig_cameras, which end with a name of NULL.
- */
+/* The enums below are indices of the tables new_rig_axes, new_rig_banks and new_rig_cameras. Each
+ * table ends with a name of NULL. */
 enum new_rig_axes { NEW_RIG_TIC, NEW_RIG_GCODE, NEW_RIG_AXIS_PROGRAM };
 enum new_rig_bank {
     NEW_RIG_RELAYS,
@@ -49,28 +49,28 @@ struct new_rig {
     enum new_rig_camera camera;
     /* Places of the devices. An empty place of NEW_RIG_SACN means multicast. */
     const char *axes_at, *bank_at, *camera_at;
-    /* What the G-code board at axes_at has answered. dialect is NULL if the board was not asked,
-     * and “” if the board did not answer. */
+    /* What the G-code board at axes_at has answered to a question for its language. dialect is NULL
+     * if the board was not asked, and “” if it did not answer. */
     const char *dialect, *firmware;
     int baud;
-    /* File with the positions of the lamps (rig/lamp_places.h), or NULL. If `far` is TRUE, the
-     * file has only directions, and radius_mm is the distance of the lamps. */
+    /* The file with the positions of the lamps (rig/lamp_places.h), or NULL. If `far` is TRUE, the
+     * file has only directions, and radius_mm is the assumed distance of the lamps. */
     const char *positions;
     gboolean far;
-    /* size of the pictures of the camera at camera_at, and number of their bits; 0 if not known */
+    /* Size of the pictures of the camera at camera_at in pixels, and number of bits of a pixel.
+     * Each is 0 if it is not known. */
     int width, height, bits;
 };
 
 /* Returns the usual number of lamps of a kind. */
 int new_rig_lamps(enum new_rig_kind kind);
 
-/* Returns the section of the camera at camera_at as in struct found, or NULL for NEW_RIG_FOUND.
- * g_free() */
+/* Returns the section of the camera at camera_at, in the form of struct found. Returns NULL for
+ * NEW_RIG_FOUND. Free the text with g_free(). */
 char *new_rig_camera(const struct new_rig *rig);
 
-/* Returns a rig file that can be read without a mistake. The devices are those of found (of struct
- * found). A device that is not found gets a section with an invented address. A line about this
- * device, such as “a camera, for [camera cam]”, is appended to `missing` (of char *, with a free
- * function). Free the result with g_free().
- */
+/* Returns a rig file that can be read without a mistake. The devices are taken from `found` (of
+ * struct found). A device that was not found gets a section with an invented address, and a line
+ * about it, such as “a camera, for [camera cam]”, is appended to `missing` (of char *, with a free
+ * function). Free the result with g_free(). */
 char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray *missing);

@@ -1,4 +1,4 @@
-/* plan and drivers: show a plan, and the available drivers. */
+/* plan: shows a plan. drivers: lists the available drivers. */
 #include "base/nearest.h"
 #include "capture/capture.h"
 #include "capture/capture_calibration.h"
@@ -30,7 +30,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Lets the daemon that has the rig open make the plan. */
+/* Makes the plan by the daemon that has the rig open. */
 static GVariant *remotely(Link *link, const char *session, const char *directory, GError **error) {
     gboolean ok = FALSE;
     g_autofree char *text = NULL;
@@ -46,7 +46,8 @@ static GVariant *remotely(Link *link, const char *session, const char *directory
     return ok ? g_steal_pointer(&plan) : NULL;
 }
 
-/* Joins the errors of both files, so that one run reports all mistakes. An error may be NULL. */
+/* Joins the errors of rig file and session file in *error, so that one run reports all mistakes.
+ * Each of the two errors may be NULL. */
 static void join_errors(GError *of_rig, GError *of_session, GError **error) {
     if (of_rig && of_session) {
         g_prefix_error(&of_session, "%s\n", of_rig->message);

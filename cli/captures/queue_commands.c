@@ -52,8 +52,8 @@ static char *directory_for(const char *session) {
     return g_canonicalize_filename(below, NULL);
 }
 
-/* Returns the options for adding a session or, if check is TRUE, for validating it. Returns NULL
- * with an error if a file cannot be read. */
+/* Returns the options of the request that adds a session or, if check is TRUE, that validates it.
+ * Returns NULL with an error if a file cannot be read. */
 static GVariant *add_options(Link *link, const char *session, gboolean check, GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     g_auto(GVariantDict) options;
@@ -70,8 +70,8 @@ static GVariant *add_options(Link *link, const char *session, gboolean check, GE
     return g_variant_dict_end(&options);
 }
 
-/* Checks all session files. If there are mistakes, returns FALSE with one error that lists them
- * all, and the caller adds no session. */
+/* Checks all session files before the first one is added. If there are mistakes, returns FALSE with
+ * one error that lists them all. */
 static gboolean check_all(Link *link, const struct call *call, GError **error) {
     g_autoptr(GString) mistakes = g_string_new(NULL);
     for (int i = 0; i < call->n_arguments; i++) {
@@ -140,8 +140,8 @@ static int run_list(const struct call *call, GError **error) {
 
 #define SESSION_HINT "“mesorig queue list” shows the sessions' numbers"
 
-/* Parses a number from 1 on. Otherwise returns FALSE with an error that ends with hint, which says
- * where the user finds the number. */
+/* Parses a number from 1 on. Returns FALSE with an error for other texts. The error ends with
+ * `hint`, which says where the user finds the number. */
 static gboolean parse_number(const char *text, const char *hint, guint *ret, GError **error) {
     guint64 value;
     if (!g_ascii_string_to_unsigned(text, 10, 1, G_MAXUINT, &value, NULL)) {
@@ -279,7 +279,7 @@ static const struct command queue_resume = {
 static const struct command *const commands[] = {
     &queue_add, &queue_list, &queue_remove, &queue_move, &queue_pause, &queue_resume, NULL};
 
-/* Runs a command for people, or the command that only the daemon uses. */
+/* Runs a command of `mesorig queue`. The command may also be the one that only the daemon uses. */
 static int run_queue(const struct command *command, int argc, char **argv) {
     return argc > 1 && strcmp(argv[1], "try") == 0 ? cli_run(&unattended_try, argc - 1, argv + 1)
                                                    : cli_run_child(command, argc, argv);

@@ -4,7 +4,7 @@
 
 #include "plan/report.h"
 
-/* A session with the values that the daemon shows. */
+/* A session, with the values that the daemon shows about it. */
 struct shown {
     guint number;
     const char *state, *name, *directory, *prompt, *message;
@@ -44,11 +44,12 @@ static char *clock_text(gint64 at_s) {
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
 }
 
-/* Estimates when a session begins and ends. For a session that has ended, returns the actual times.
- * *at_s is the time when the previous session ends, and is set to the time when this session ends.
- * *at_s, *ret_start_s and *ret_end_s are 0 if the time is not known, because the queue is paused; a
- * session that runs always has its start.
- */
+/* Estimates when a session begins and ends. Call it for all sessions in the order of the queue.
+ * *at_s is the time at which the previous session ends, and is set to the time at which this one
+ * ends. A session that has ended gets its actual times, and *at_s does not change.
+ *
+ * A time is 0 if it is not known because the queue is paused. The start of a session that is being
+ * captured is always known. */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {
     const guint64 predicted_end = bus_rig1_get_predicted_end(rig);

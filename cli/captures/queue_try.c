@@ -8,8 +8,8 @@
 
 #define EXIT_RIG 3
 
-/* Reads the request of daemon/bus/bus_trial.c, a key file, from standard input. Returns NULL with
- * an error if it cannot be read. */
+/* Reads the request from standard input. The request is a key file that daemon/bus/bus_trial.c
+ * writes. Returns NULL with an error if it cannot be read. */
 static GKeyFile *read_request(GError **error) {
     g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
     g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();

@@ -57,8 +57,8 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
     ret[n] = NULL;
 }
 
-/* Parses the command's own options, those of the daemon if the command uses one, and --json. The
- * rest of argv are arguments. Returns FALSE on bad usage, which has then been reported. */
+/* Parses the command's own options, --json and, if the command uses a daemon, the daemon's options.
+ * What remains in argv are arguments. Returns FALSE on bad usage, which has then been reported. */
 static gboolean parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;
@@ -160,7 +160,8 @@ static void put(FILE *to, const char *text) {
     g_autoptr(GString) clean = g_string_new(NULL);
     for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
         const gunichar c = g_utf8_get_char(at);
-        /* A terminal would interpret these characters instead of showing them. */
+        /* These are control characters and bidirectional overrides. A terminal would interpret them
+         * instead of showing them. */
         const gboolean control = (g_unichar_iscntrl(c) && c != '\n' && c != '\t') ||
                                  (c >= 0x202a && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069);
         g_string_append_unichar(clean, control ? 0xfffd : c);
@@ -216,9 +217,9 @@ void cli_print_readably(void) {
     g_set_printerr_handler(put_err);
 }
 
-/* Writes what stdout still holds. If this or an earlier write has failed, reports it and ends
- * the process with CLI_FAILED. The reason is missing for an earlier write, because stdout does not
- * record it. */
+/* Writes what is left in the buffer of stdout. If this or an earlier write has failed, reports the
+ * failure and ends the process with CLI_FAILED. For an earlier write no reason is reported, because
+ * stdout does not record it. */
 static void check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))

@@ -11,7 +11,7 @@ struct call {
     const struct command *command;
     char *const *arguments; /* the positional arguments, with NULL after the last */
     int n_arguments;
-    Record *record; /* filled by the command, and printed after it has run */
+    Record *record; /* result of the command: the command fills it, and cli_run() prints it */
 };
 
 /* A row of the table of commands. Each command has its own file. */
@@ -20,25 +20,28 @@ struct command {
     const char *examples;        /* text for --help; each line begins with two blanks */
     const GOptionEntry *options; /* the options of the command, or NULL */
     const GOptionEntry *(*list_options)(
-        void);        /* used instead of options: makes the table when it is needed */
-    gboolean daemon;  /* the command also has --address and --bus */
-    gboolean streams; /* --json also prints progress: one object per line, with the result last */
-    gboolean writes;  /* the command writes a file that the user names, and has --force */
-    int min, max;     /* number of positional arguments */
+        /* used instead of `options`: returns the table, which is made when it is needed */
+        void);
+    gboolean daemon; /* the command also has --address and --bus */
+    /* with --json, also prints progress: one object per line, and the result last */
+    gboolean streams;
+    /* the command writes a file that the user names, and has the option --force */
+    gboolean writes;
+    int min, max; /* number of positional arguments */
 
-    /* Returns an exit code and fills call->record. If it sets error, cli_run() prints the error,
-     * and the exit code is CLI_FAILED. */
+    /* Fills call->record and returns an exit code. If the function sets error, cli_run() prints the
+     * error, and the exit code is CLI_FAILED. */
     int (*run)(const struct call *call, GError **error);
 
-    /* Used instead of run: the command parses its own arguments. argv[0] is the name of the
+    /* Used instead of `run` if the command parses its own arguments. argv[0] is the name of the
      * command. */
     int (*run_arguments)(const struct command *command, int argc, char **argv);
     const struct command *const
         *children; /* the commands of this command, named "PARENT CHILD"; ends with NULL */
 };
 
-/* Gives the tables of a command's options: its own options, those of the daemon's address, --force,
- * --json. The array ends with NULL. */
+/* Lists the tables of a command's options in ret, with NULL after the last. The tables are those of
+ * its own options, of the daemon's address, of --force and of --json. */
 #define CLI_TABLES 5
 void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
@@ -52,30 +55,33 @@ int cli_run(const struct command *command, int argc, char **argv);
 int cli_run_child(const struct command *parent, int argc, char **argv);
 
 extern gboolean cli_json;    /* --json was given */
-extern gboolean cli_streams; /* the member `streams` of the command that runs */
+extern gboolean cli_streams; /* `streams` of the command that is running */
 extern gboolean cli_force;   /* --force was given: an output may replace an existing file */
 
 /* Calls output_file_new(), with --force if it was given. Call it before long work. */
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
 /* Calls output_file_new_locked(), with --force if it was given. */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
-/* The same as cli_output_locked() for a product of a session. Mesorig chooses the name of the
- * product. A link of that name is replaced, not followed. */
+/* The same as cli_output_locked(), for a product of a session, whose name Mesorig has chosen. If a
+ * symbolic link has this name, the link itself is replaced. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
-/* Tells the user if the output has replaced a file. The JSON always gets the value "replaced". */
+/* Tells the user if the output has replaced a file. The JSON always gets the value "replaced", TRUE
+ * or FALSE. */
 void cli_tell_output(Record *to, const OutputFile *file);
 
-/* Decides whether a folder of several files may be written, as cli_output() does for a file.
- * Returns FALSE with DATA_ERROR_EXISTS if something of that name exists, unless it is a folder and
- * --force was given. A link without a target also counts as existing. */
+/* Checks whether a folder of several files may be written, as cli_output() does for one file.
+ * Returns FALSE with DATA_ERROR_EXISTS if something of that name exists. There is one exception:
+ * with --force, an existing folder is accepted. A symbolic link without a target also counts as
+ * existing. */
 gboolean cli_check_folder(const char *path, GError **error);
 
 /* Values of --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;
 
-/* Makes g_print() and g_printerr() write "×" as "x" instead of "?" if the locale lacks such
- * letters, as in a container or over a serial line. Control characters and bidirectional overrides,
- * which files and databases of other people may contain, are kept from the terminal. */
+/* Makes g_print() and g_printerr() suitable for any terminal. If the locale lacks letters such as
+ * "×", as in a container or over a serial line, "x" is written instead of "?". Control characters
+ * and bidirectional overrides are replaced, because files and databases of other people may contain
+ * them. */
 void cli_print_readably(void);
 
 /* Makes the program report when its output could not be written, for instance to a full disk. The

@@ -10,10 +10,12 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#define START_WAIT_MS   15000
-#define ASK_WAIT_MS     5000
-#define MAX_TEXT        (16 << 20) /* bytes, the limit of a calibration; other files have less */
-#define CALL_TIMEOUT_MS 600000     /* opening a rig may take a long time */
+#define START_WAIT_MS 15000
+#define ASK_WAIT_MS   5000
+/* Maximum size of a text in bytes. It is the limit of a calibration; other files have lower
+ * limits. */
+#define MAX_TEXT        (16 << 20)
+#define CALL_TIMEOUT_MS 600000 /* opening a rig may take a long time */
 
 static gboolean make_proxy(Link *link, const char *name, GError **error) {
     link->rig = bus_rig1_proxy_new_sync(link->connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
@@ -28,8 +30,9 @@ static gboolean connect_to(Link *link, const char *address, GError **error) {
     return link->connection && make_proxy(link, NULL, error);
 }
 
-/* Asks the daemon for its state, because GDBus also makes a proxy if the user may not call the
- * daemon, or if the daemon does not respond. `where` is a text such as "on the system bus". */
+/* Asks the daemon for its state, and returns FALSE with an error if it does not answer. This is
+ * necessary because GDBus also makes a proxy if the user may not call the daemon, or if the daemon
+ * does not respond. `where` is a text for the error, such as "on the system bus". */
 static gboolean may_ask(BusRig1 *rig, const char *where, GError **error) {
     g_autoptr(GError) why = NULL;
     if (bus_rig1_get_state(rig))
@@ -80,8 +83,9 @@ Link *link_on_bus(const char *bus, GError **error) {
     return NULL;
 }
 
-/* Runs between fork and exec. Ctrl-C must only reach this process, not the daemon. The daemon gets
- * its requests over the bus and notices when this process ends. */
+/* Runs in the new process between fork and exec. A new session keeps Ctrl-C from reaching the
+ * daemon, because the daemon gets its requests over the bus. The daemon is ended when this process
+ * ends. */
 static void prepare_daemon(gpointer parent) {
     setsid();
     prctl(PR_SET_PDEATHSIG, SIGTERM);

@@ -26,8 +26,8 @@ static const char *rig_of(Link *link) {
     return rig ? rig : "";
 }
 
-/* Adds a link, unless its daemon is already in the list. Takes ownership of link, which may be
- * NULL. */
+/* Adds a link to the list and takes ownership of it. A link to a daemon that is already in the list
+ * is freed. link may be NULL. */
 static void add(GPtrArray *links, Link *link) {
     if (!link)
         return;
@@ -64,7 +64,7 @@ static Link *in_folder(const char *folder) {
     return link;
 }
 
-/* Returns every daemon that this user may ask: those that listen for this user, then those on
+/* Returns links to all daemons that this user may call: first the user's own daemons, then those on
  * buses. */
 static GPtrArray *find_all(void) {
     GPtrArray *links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
@@ -95,8 +95,9 @@ static char *list(const GPtrArray *links) {
     return g_string_free(text, FALSE);
 }
 
-/* Takes the only link from the list. Returns NULL without an error if the list is empty, and NULL
- * with an error that lists the daemons if there are several. */
+/* Returns the link if the list has only one, and removes it from the list. Returns NULL without an
+ * error if the list is empty, and NULL with an error that lists the daemons if there are
+ * several. */
 static Link *the_only(GPtrArray *links, GError **error) {
     if (links->len == 1)
         return g_ptr_array_steal_index(links, 0);
@@ -112,8 +113,8 @@ static Link *the_only(GPtrArray *links, GError **error) {
 }
 
 /* Returns the address in a session's control file, or NULL if there is none. The directory may
- * belong to other users. A link, or a file that is not regular, is therefore ignored. A file of
- * another user counts only if it says "system" or "session". */
+ * belong to other users. The control file is therefore ignored if it is a symbolic link or not a
+ * regular file. If it belongs to another user, it counts only if it says "system" or "session". */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
@@ -128,8 +129,8 @@ static char *read_control(const char *directory) {
     g_strstrip(text);
     if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
         return g_strdup(text);
-    /* Accepts only a single address of a local socket. Another address could name a host, and a
-     * file whose contents are sent to that host. */
+    /* Only a single address of a local socket is accepted. Another address could name a host, and a
+     * file whose contents would be sent to that host. */
     return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
 }
 
@@ -149,9 +150,9 @@ static Link *by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
-/* Called if no daemon of this user was found. Looks for a daemon on the buses once more. If a
- * daemon there refuses this user, fails with that error, because the user probably meant that
- * daemon. */
+/* Looks for a daemon on the buses once more, after no daemon that this user may call was found. If
+ * a daemon on a bus refuses this user, fails with the error of that daemon, because the user
+ * probably meant it. */
 static Link *none_at_all(GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         g_autoptr(GError) why = NULL;
@@ -206,8 +207,8 @@ Link *link_find(const char *directory, GError **error) {
     return link;
 }
 
-/* Keeps only the links whose daemon has this rig open; "" means no rig. Private daemons of other
- * terminals are removed. */
+/* Keeps only the links whose daemon has this rig open, or no rig if rig_path is "". Private daemons
+ * of other programs are removed too. */
 static void keep_rig(GPtrArray *links, const char *rig_path) {
     for (guint i = links->len; i-- > 0;) {
         Link *link = links->pdata[i];

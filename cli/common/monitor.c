@@ -23,8 +23,9 @@ struct Monitor {
     enum monitor_end end;
     gboolean ended;
     int interrupts;
-    gboolean faulty;       /* an error was printed since the capture last ran */
-    const char *processed; /* session whose processing is waited for, or NULL for its capture */
+    gboolean faulty; /* an error was printed since the capture last ran */
+    /* session whose processing the monitor waits for; NULL if it watches the capture */
+    const char *processed;
     gboolean processing_failed;
     char *shown_state, *reason;
     char *left_out; /* set by monitor_leave_out() */
@@ -162,7 +163,7 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The event has described the manual step. This function prints, once, how to confirm it. */
+/* Prints, once for each manual step, how to confirm it. An event has already described the step. */
 static void check_prompt(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *prompt = bus_rig1_get_prompt(rig);
@@ -202,9 +203,9 @@ static void check(Monitor *monitor) {
         return;
     }
     const char *state = bus_rig1_get_state(rig);
-    /* The daemon sends the event of a fault before the new state, and another property may change
-     * in between. "running" therefore ends the fault only if another state was shown since the
-     * fault. */
+    /* The daemon sends the event of a fault before it changes the state, and another property may
+     * change in between. "running" therefore ends the fault only if another state than "running"
+     * was shown since the fault. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
     show(monitor);
@@ -269,9 +270,10 @@ static gboolean check_idle(gpointer data) {
 }
 
 /* If monitor->control is TRUE, the first Ctrl-C pauses after the shot under way, and the second
- * aborts immediately. Otherwise Ctrl-C ends the watching. Changes that the daemon sent before its
- * answer to Pause may still be queued, even the change to "running". An idle source therefore reads
- * the state after these changes. */
+ * aborts immediately. Otherwise Ctrl-C ends the watching.
+ *
+ * When the daemon answers to Pause, changes of its state may still be queued here, even the change
+ * to "running". An idle source therefore reads the state after these changes. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
@@ -301,7 +303,7 @@ Monitor *monitor_new(Link *link, gboolean control) {
     monitor->loop = g_main_loop_new(NULL, FALSE);
     monitor->progress = progress_new("capture");
     BusRig1 *rig = link_rig(link);
-    /* after the proxy, which forgets the old values of arrays in its own handler */
+    /* connected after the proxy's own handler, which forgets the old values of arrays */
     g_signal_connect_after(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
     g_signal_connect(rig, "event", G_CALLBACK(on_event), monitor);
     g_signal_connect(rig, "notify::g-name-owner", G_CALLBACK(on_owner), monitor);

@@ -14,8 +14,9 @@
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 
-/* Asks the terminal for its primary device attributes (DA1). Returns whether the answer, such as
- * "ESC [ ? 6 2 ; 4 ; … c", contains the number 4: the terminal can then show sixels. */
+/* Asks the terminal for its primary device attributes (DA1). The answer looks like "ESC [ ? 6 2 ; 4
+ * ; … c". Returns whether it contains the number 4, which means that the terminal can show
+ * sixels. */
 static gboolean has_sixels(int fd) {
     struct termios before, raw;
     char answer[128] = "";

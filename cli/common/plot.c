@@ -63,7 +63,8 @@ void plot_text(cairo_t *cr, double x, double y, double align, const char *text) 
     cairo_text_extents(cr, text, &size);
     cairo_move_to(cr, x - align * size.x_advance, y);
     cairo_show_text(cr, text);
-    cairo_new_path(cr); /* starts a new path, so that no line connects to the next element */
+    /* Otherwise a line would connect the end of this path to the next element. */
+    cairo_new_path(cr);
 }
 
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text) {
@@ -80,8 +81,8 @@ void plot_title(cairo_t *cr, double x, double y, const char *title, const char *
 #define BAR_Y       760.0
 #define BAR_WIDTH   500.0
 
-/* Sets a colour of a scale from dark blue (t = 0) to yellow (t = 1) whose lightness grows
- * evenly. */
+/* Sets the colour t of a scale from dark blue (t = 0) to yellow (t = 1). Lightness increases evenly
+ * with t. */
 static void set_heat(cairo_t *cr, double t) {
     static const double stops[6][3] = {{0.27, 0.00, 0.33}, {0.25, 0.27, 0.53}, {0.16, 0.47, 0.56},
                                        {0.13, 0.66, 0.52}, {0.48, 0.82, 0.32}, {0.99, 0.91, 0.14}};

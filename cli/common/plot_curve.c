@@ -7,9 +7,9 @@
 #define TOP    110.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
 #define LINE   (PLOT_TEXT + 2)
-#define LEAST  1e-4 /* smaller errors are only rounding errors, and are drawn at this value */
+#define LEAST  1e-4 /* Smaller errors are only rounding errors. They are drawn at this value. */
 
-/* The ranges of the two axes, both logarithmic: raw_bytes divided by the size, and the error. */
+/* The ranges of the two logarithmic axes: raw_bytes divided by the size, and the error. */
 struct axes {
     double ratio[2], error[2];
 };

@@ -16,9 +16,11 @@
 struct Progress {
     char *what;
     gboolean tty, utf8, drawn;
-    gint64 begun_us, shown_us;    /* times of the first call and of the last drawing; 0 if none */
-    char *above;                  /* text above the bar */
-    int above_lines, above_drawn; /* number of lines of above, and of those on the terminal */
+    /* Times of the first call and of the last drawing; 0 if there was none. */
+    gint64 begun_us, shown_us;
+    char *above; /* text above the bar */
+    /* Number of lines of `above`, and number of these lines that are on the terminal now. */
+    int above_lines, above_drawn;
 };
 
 Progress *progress_new(const char *what) {
@@ -79,9 +81,9 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* Draws the bar, the text next to it and, if it was erased, the text above it. The bar takes the
- * width that the text leaves. A text that is too long loses its last parts, which commas separate,
- * so that the line never wraps and can be overwritten. */
+/* Draws the bar and the text next to it and, if it was erased, the text above it. The bar takes the
+ * width that the text leaves. Commas separate the parts of the text. If the text is too long, its
+ * last parts are left out, because a line that wraps could not be overwritten. */
 static void draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =
@@ -98,7 +100,7 @@ static void draw(Progress *progress, double fraction, const char *text) {
     g_string_append(line, fits);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
-    /* g_printerr() would replace the control characters of the text. */
+    /* fputs() is used because g_printerr() would replace the control characters of the text. */
     if (progress->above_drawn == 0 && progress->above_lines > 0) {
         erase(progress);
         fputs(progress->above, stderr);

@@ -1,6 +1,6 @@
 /* Shows progress on standard error, so that standard output contains only results. On a terminal,
- * progress is a bar. Elsewhere it is a line after one second, then a line every ten seconds and for
- * each call of progress_show() with `now` TRUE. With --json nothing is shown. */
+ * progress is a bar. Elsewhere, progress is a line of text after one second and every ten seconds,
+ * and after each call of progress_show() with `now` TRUE. With --json nothing is shown. */
 #pragma once
 
 #include <glib.h>
@@ -14,7 +14,7 @@ void progress_free(Progress *progress); /* leaves the bar on the screen; NULL is
 void progress_end(Progress *progress);
 
 /* Shows a fraction of 0 … 1, and text to the right of the bar. The bar is drawn at most ten times
- * per second, except that a call with `now` TRUE always draws it. */
+ * per second. If `now` is TRUE, it is drawn in any case. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
 /* Sets the text above the bar. It appears when the bar is drawn the next time, and only on a

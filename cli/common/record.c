@@ -12,7 +12,9 @@ struct Record {
     GVariantBuilder values;
     gboolean filled;
     GString *text;
-    int depth, levels[DEEPEST]; /* number of containers that each record_end() closes */
+    /* `depth` is the number of open records and lists. For each of them, `levels` is the number of
+     * GVariant containers that record_end() closes. */
+    int depth, levels[DEEPEST];
 };
 
 Record *record_new(void) {
@@ -117,8 +119,8 @@ void record_end(Record *to) {
         g_variant_builder_close(&to->values);
 }
 
-/* Matches one conversion: %, flags with width and precision, l or ll of 64-bit integers, letter,
- * {key:shown}. */
+/* Matches one conversion of a format: %, flags and width and precision, l or ll for 64-bit
+ * integers, the letter, and {key:shown}. */
 #define CONVERSION "%([-+ 0-9.]*)(l*)([a-zA-Z%])(?:\\{(\\w*)(?::([^}]*))?\\})?"
 
 /* A conversion of a format, from the match with CONVERSION. */

@@ -28,14 +28,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
  * of strings count characters, not bytes. A NULL string is "". */
 void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* The same as record_say(), but adds only the values if said is FALSE. */
+/* The same as record_say(), but if said is FALSE, only the values are added and the text is left
+ * out. */
 void record_say_if(Record *to, gboolean said, const char *format, ...) G_GNUC_PRINTF(3, 4);
 
 /* Adds only values: record_add(to, "%d{views} %d{lights}", 81, 81). */
 #define record_add(to, ...) record_say_if(to, FALSE, __VA_ARGS__)
 
-/* Add one value. JSON shows values in the order in which they were added. Strings that are not
- * UTF-8 are repaired. */
+/* Add one value under a key. JSON shows values in the order in which they were added. Bytes of a
+ * string that are not valid UTF-8 are replaced. */
 void record_string(Record *to, const char *key, const char *value);
 void record_double(Record *to, const char *key, double value);
 void record_doubles(Record *to, const char *key, const double *values, int n);
@@ -55,9 +56,9 @@ void record_say_strings(Record *to, const char *key, const char *before, const G
 void record_say_doubles(Record *to, const char *key, const char *format, const double *values,
                         int n);
 
-/* Begin a list of records, or a record within this one. A record in a list has NULL as its key. The
- * values that are added until record_end() belong to the new list or record. There are at most 8
- * levels within each other. */
+/* Begin a list of records, or a record within the present list or record. The values that are added
+ * until record_end() belong to the new list or record. If the parent is a list, key is NULL. At
+ * most 8 levels may be open at a time. */
 void record_begin_list(Record *to, const char *key);
 void record_begin(Record *to, const char *key);
 void record_end(Record *to);

@@ -33,8 +33,8 @@ void status_say_sentences(Record *to, const char *key, const char *text) {
     record_say(to, "%-10s %s\n", key, lines->str);
 }
 
-/* Returns the text of a device that is unsafe or has a fault. The text is printed below the table
- * unless the reason contains it. Returns NULL for other devices. */
+/* Returns the text of a device that is unsafe or has a fault. Returns NULL for other devices. The
+ * text is printed below the table, unless the text `reason` contains it. */
 static const char *text_of(const char *health) {
     if (g_str_has_prefix(health, "unsafe: "))
         return health + strlen("unsafe: ");

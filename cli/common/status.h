@@ -11,13 +11,15 @@ gboolean status_is_capturing(BusRig1 *rig);
  * capture. The capture must have shots. */
 void status_say_progress(Record *to, BusRig1 *rig);
 
-/* Adds the text with a line for each sentence. The first line begins with key, and the others are
- * indented. */
+/* Adds a text to the output, with a line for each of its sentences. The first line begins with key,
+ * and the others are indented. */
 void status_say_sentences(Record *to, const char *key, const char *text);
 
-/* Adds a table with the health of each device in a few words, followed by the texts of all faults
- * and of all devices that are not safe. A text that occurs several times is added once. A text that
- * the string `reason` contains is left out. `reason` must not be NULL. `devices` is "a(ssss)", the
- * property Devices. While a device has a fault, the "ok" of another device is shown as "ok before
- * the fault", because the answer of that device may be older than the fault. */
+/* Adds a table with the health of each device in a few words. Below the table are the texts of all
+ * faults and of all devices that are not safe. A text that occurs several times is added once. A
+ * text that the string `reason` contains is left out. `reason` must not be NULL. `devices` is
+ * "a(ssss)", the property Devices.
+ *
+ * While a device has a fault, the "ok" of another device is shown as "ok before the fault", because
+ * the answer of that device may be older than the fault. */
 void status_say_devices(Record *to, GVariant *devices, const char *reason);

@@ -16,7 +16,8 @@ struct shown {
     char *name;
     guint8 *rgb; /* NULL before the first picture */
     int width, height;
-    /* asked: a call is under way; stale: a newer picture has appeared since that call */
+    /* `asked` is TRUE while a call for the picture is under way. `stale` is TRUE if a newer picture
+     * has appeared since that call. */
     gboolean asked, stale;
 };
 

@@ -42,8 +42,8 @@ static void bar_end(struct bar *bar) {
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
     const gboolean next = g_strcmp0(progress->stage, bar->stage) != 0;
-    /* The end of a stage is shown immediately, but only once, because some work is reported
-     * again while the following work is running. */
+    /* The end of a stage is shown immediately. It is shown only once, because some work reports the
+     * end again while the following work is running. */
     const gboolean ended =
         progress->done == progress->total && (next || progress->done != bar->done);
     if (cli_json) {
