@@ -1,8 +1,12 @@
-/* Candidates for the next word of a command line, for shells, from the table of commands. The name
- * of a value or of an argument defines its candidates: "a|b|c" are words, DIR is a folder, FILE.exr
- * is a file of that suffix, FILE, SOURCE, A and B are any file, RIG and SESSION are configuration
- * files or folders. Other names have no candidates, unless the type of the option is a file name:
- * then any file is a candidate. */
+/* Finds candidates for the next word of a command line, for shells, from the table of commands. The
+ * placeholder of an option's value or of an argument defines the candidates:
+ * - “a|b|c” are the words a, b and c,
+ * - DIR is a folder,
+ * - FILE.exr is a file with this suffix,
+ * - FILE, SOURCE, A and B are any file,
+ * - RIG and SESSION are configuration files or folders.
+ * Other placeholders have no candidates. There is one exception: if the type of an option is a file
+ * name, any file is a candidate. */
 #include <gio/gio.h>
 #include <stdio.h>
 #include <string.h>
@@ -32,8 +36,8 @@ static gboolean is_word(const char *text) {
     return *text && strspn(text, letters) == strlen(text);
 }
 
-/* Adds the candidates for the name of a value or an argument, such as "FILE", "DIR" or
- * "a|b|FILE.exr". filename is TRUE if the option's type is a file name. */
+/* Adds the candidates for a placeholder, such as "FILE", "DIR" or "a|b|FILE.exr". filename is TRUE
+ * if the type of the option is a file name. */
 static void value_add(struct value *value, const char *name, gboolean filename) {
     g_auto(GStrv) parts = g_strsplit(name, "|", -1);
     for (char **part = parts; *part; part++) {
@@ -76,8 +80,8 @@ static gboolean takes_value(const GOptionEntry *entry) {
     return entry->arg != G_OPTION_ARG_NONE;
 }
 
-/* Returns the option with which a word begins, "-o", "--output" or "--output=…", or NULL if there
- * is none. */
+/* Returns the option that a word names: a word such as "-o", "--output" or "--output=…". Returns
+ * NULL if the word names no option. */
 static const GOptionEntry *find_option(const struct command *command, const char *word) {
     const GOptionEntry *tables[CLI_TABLES];
     const gsize n = strcspn(word, "=");
@@ -91,8 +95,8 @@ static const GOptionEntry *find_option(const struct command *command, const char
     return NULL;
 }
 
-/* Prints a line if the word begins with the typed text: the word, a tab and its description.
- * `before` is what precedes the word in the same argument, such as "--output=". */
+/* Prints a candidate if it begins with the typed text: a line with the word, a tab and its
+ * description. `before` is the part of the argument before the word, such as "--output=". */
 static void offer(const char *before, const char *word, const char *typed, const char *help) {
     if (!g_str_has_prefix(word, typed))
         return;
@@ -157,8 +161,8 @@ static void offer_options(const struct command *command, const char *typed) {
     offer("--", "help", name, "Print the help");
 }
 
-/* Prints the candidates for the last of n words after a command. Bash passes "=" as a separate
- * word. */
+/* Prints the candidates for the last of the n words that follow a command. Bash passes "=" as a
+ * separate word. */
 static void arguments(const struct command *command, char *const *words, int n) {
     const char *typed = words[n - 1];
     const GOptionEntry *open = NULL; /* an option whose value is the next word */

@@ -1,5 +1,5 @@
-/* The commands `mesorig import …` and `mesorig export …`. Each kind, or group of similar kinds, has
- * a file, and a row of the table in import.c or exports.c. */
+/* The commands `mesorig import …` and `mesorig export …`. Each kind of import or export, or group
+ * of similar kinds, has a file of its own, and a row in the table in import.c or exports.c. */
 #pragma once
 
 #include "common/cli.h"
@@ -23,7 +23,8 @@ struct exchange_format {
     const char *format; /* as in "Bonn's format" */
     /* the ending of the file's name, with the dot; NULL if any name is accepted */
     const char *end;
-    /* the argument kind of output_file_new(); NULL if the format has no place for a kind */
+    /* the kind of product for output_file_new(); NULL if a file of this format cannot say its
+     * kind */
     const char *kind;
 };
 
@@ -37,15 +38,15 @@ gboolean exchange_check_folder(const char *output, GError **error);
 /* Reads --region. Returns FALSE if the text is not X,Y,WIDTH,HEIGHT. */
 gboolean exchange_parse_region(const char *text, struct import_region *ret);
 
-/* Reads --transfer. Returns FALSE unless the text is NULL, linear or srgb. */
+/* Reads --transfer, which is linear, srgb or not given (NULL). Returns FALSE for other texts. */
 gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
 #define EXCHANGE_TRANSFER_HELP                                                                     \
     "Tone curve of the pictures (as their files say, otherwise sRGB for 8 bits and linear for "    \
     "others)"
 #define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
 
-/* Reads a number of bytes, such as "20MB". `text` is the value of the option --NAME. If it is NULL,
- * *ret stays as it is. Returns FALSE on bad usage, which has then been reported. */
+/* Reads a number of bytes, such as "20MB". `text` is the value of the option --NAME. If text is
+ * NULL, *ret does not change. Returns FALSE on bad usage, which has then been reported. */
 gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,
                               gint64 *ret);
 

@@ -93,7 +93,8 @@ static gboolean work_maps(const struct work *work, gpointer data, GError **error
                                        : maps_files_write_folder(files, output, cli_force, error);
 }
 
-/* Returns the index (view × light) of the pair for which the maps have the largest error. */
+/* Returns the index of the pair of view and light for which the maps have the largest error. The
+ * index of a pair is its element in views × lights. */
 static int find_worst(const struct maps_errors *errors) {
     int ret = 0;
     for (int i = 1; i < errors->n_views * errors->n_lights; i++)

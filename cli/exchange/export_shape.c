@@ -89,7 +89,8 @@ static int by_lights(const struct call *call, struct surface_export *export, GEr
     return CLI_DONE;
 }
 
-/* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
+/* Exports the surface from a fit of the pictures: a PTM or HSH, which describes how brightness
+ * depends on the light. */
 static int by_fit(const struct call *call, struct surface_export *export, GError **error) {
     const struct fit_normals_result *result = &export->fit;
     Record *to = call->record;

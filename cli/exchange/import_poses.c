@@ -68,7 +68,7 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
     record_double(to, "real_s", seconds);
 }
 
-/* Fills *ret from the options. Returns what is wrong with them, or NULL. */
+/* Fills *ret from the options. Returns NULL, or a text that says what is wrong with the options. */
 static const char *parse_grid(struct session_grid *ret) {
     char more;
     *ret =
@@ -89,7 +89,7 @@ static const char *parse_grid(struct session_grid *ret) {
                                                      "the width of --texels: change --texels";
 }
 
-/* Writes the file of nominal values that -o names. Returns an exit code. */
+/* Writes the file of nominal values to -o. The user fills in this file. Returns an exit code. */
 static int write_template(const struct call *call, GError **error) {
     /* An existing file is replaced only with --force, because somebody may have filled in its
      * values. */

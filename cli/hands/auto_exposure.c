@@ -8,14 +8,17 @@
 
 #define FIRST_US     4000
 #define MAX_PICTURES 10 /* maximum number of pictures of one camera under one light */
-/* Parts of a camera's range above black that pictures must reach (auto_exposure.h). */
-#define LAMP_HIGH    0.7
-#define LAMP_LOW     0.2
-#define LAMP_MIN     0.05 /* for the dimmest picture, LAMP_LOW is wanted but this is sufficient */
-#define LINE_LOW     0.05
-#define LINE_HIGH    0.7
-#define FULL_PART    0.95 /* a picture that reaches this counts as saturated */
-#define TELLING_PART 0.1  /* a picture as bright as this suffices to compute other exposures */
+/* Parts of a camera's range above black that the brightest pixels of a picture (…_HIGH) or many of
+ * its pixels (…_LOW) must reach (auto_exposure.h). */
+#define LAMP_HIGH 0.7
+#define LAMP_LOW  0.2
+/* If LAMP_LOW cannot be reached in the dimmest picture, this part is sufficient. */
+#define LAMP_MIN  0.05
+#define LINE_LOW  0.05
+#define LINE_HIGH 0.7
+#define FULL_PART 0.95 /* a picture that reaches this counts as saturated */
+/* A picture whose brightest pixels reach this part suffices to compute other exposures. */
+#define TELLING_PART 0.1
 #define NOTHING_PART 0.0005
 #define MAX_RATIO    (AUTO_MAX_FACTOR * AUTO_MAX_FACTOR)
 #define LINE_RATIO   64 /* maximum ratio of laser_exposure_us to laser_short_us */
@@ -25,11 +28,11 @@
 struct measured { /* the measurement of a camera under a light */
     int camera;
     const char *light;
-    /* Parts of the range per microsecond. high is the value that few of the brightest pixels
-     * reach, and low is the value that many of them reach. */
+    /* Values per microsecond, as parts of the range. `high` is the value that only a few pixels
+     * reach. `low` is the lower value that many pixels reach. */
     double high, low;
-    /* The picture is saturated even at the camera's shortest exposure. The true value of high is
-     * larger. */
+    /* The picture is saturated even at the camera's shortest exposure. The true value of `high` is
+     * then larger. */
     gboolean full;
 };
 
@@ -41,7 +44,8 @@ struct choice {
     GArray *lamps, *lines; /* of struct measured */
 };
 
-/* Returns the largest value in DN that at least n pixels reach, or 0. */
+/* Returns the largest value in DN that at least n pixels reach. Returns 0 if fewer than n pixels
+ * are above 0. */
 static int value_of(const Frame *frame, gsize n) {
     const gsize pixels = (gsize)frame->width * (gsize)frame->height;
     const int top = (1 << frame->bits) - 1;
@@ -56,8 +60,8 @@ static int value_of(const Frame *frame, gsize n) {
     return dn;
 }
 
-/* Returns the largest value that at least n pixels reach, above black and dark current, as a part
- * of the range above black. */
+/* Returns the largest value that at least n pixels reach. The value has black and dark current
+ * subtracted, and is a part of the range above black. */
 static double part_of(const struct choice *choice, int camera, const Frame *frame, gsize n) {
     const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
     return (value_of(frame, n) - frame->black_level) / range_dn -
@@ -68,10 +72,12 @@ static gint64 least_us(const struct choice *choice, int camera) {
     return MAX(choice->timing->min_exposure_us[camera], 1);
 }
 
-/* Searches for an exposure at which the picture is neither saturated nor dark. Begins with *us, and
- * sets *us to the result. ret->high and ret->low are the values per microsecond that the brightest
- * n_high and n_low pixels reach. Both are 0 if there is no light. Returns FALSE if a device has
- * failed. */
+/* Searches for an exposure at which the picture is neither saturated nor dark. The search begins
+ * with *us, and *us is set to the result. `line` is TRUE for a laser's line.
+ *
+ * ret->high is the value per microsecond that n_high pixels reach, and ret->low is the value that
+ * n_low pixels reach. Both values are 0 if there is no light. Returns FALSE with an error if a
+ * device has failed. */
 static gboolean measure(const struct choice *choice, int camera, const char *light, gboolean line,
                         double *us, struct measured *ret, GError **error) {
     const struct rig_camera *shape = &choice->trial.rig->cameras[camera];
@@ -151,8 +157,8 @@ static gboolean try_lamps(struct choice *choice, GError **error) {
     return TRUE;
 }
 
-/* Measures a laser at several places of the sample, as in a sweep. sweep is the name of its sweep
- * axis. */
+/* Measures a laser's line at several places of the sample, as in a sweep. `sweep` is the name of
+ * the axis that turns the laser. */
 static gboolean try_laser(struct choice *choice, int laser, const char *sweep, double *us,
                           GError **error) {
     const struct trial *trial = &choice->trial;
@@ -216,7 +222,7 @@ static const char *name_of(const struct choice *choice, const struct measured *m
     return choice->trial.rig->cameras[measured->camera].name;
 }
 
-/* Returns the shortest exposure that all cameras of the session's plan can make. */
+/* Returns the shortest exposure that is possible with all cameras of the session's plan. */
 static double common_us(const struct choice *choice) {
     gint64 us = 1;
     for (int i = 0; i < choice->trial.n_cameras; i++)
@@ -224,10 +230,12 @@ static double common_us(const struct choice *choice) {
     return (double)us;
 }
 
-/* The brightest picture allows shortest_us at most, and the dimmest needs needed_us at least.
- * Returns FALSE with an error that names the key to change in three cases: no common exposure of
- * the cameras is short enough, needed_us is above auto_longest_us, or needed_us is above max_ratio
- * · shortest_us. */
+/* Checks the ends of the range of exposures. The brightest picture allows an exposure of at most
+ * shortest_us for the shortest, and the dimmest picture needs at least needed_us for the longest.
+ * Returns FALSE with an error that names the key to change in three cases:
+ * - the brightest picture saturates at the shortest exposure that is possible with all cameras,
+ * - needed_us is above auto_longest_us,
+ * - needed_us is above max_ratio · shortest_us. */
 static gboolean check_ends(const struct choice *choice, const struct measured *brightest,
                            const struct measured *dimmest, const char *key, double shortest_us,
                            double needed_us, double max_ratio, GError **error) {
@@ -258,8 +266,9 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
     return FALSE;
 }
 
-/* Returns the exposure that reaches the wanted part of the range. part_a_us is the measured part of
- * the range per microsecond. Without light (part_a_us ≤ 0), returns ∞. */
+/* Returns the exposure in µs that reaches the wanted part of the range. part_a_us is the part of
+ * the range that the light reaches per microsecond. Returns ∞ if there is no light, which means
+ * part_a_us ≤ 0. */
 static double exposure_for(double wanted, double part_a_us) {
     return part_a_us > 0 ? wanted / part_a_us : INFINITY;
 }
@@ -307,12 +316,12 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
     if (!brightest)
         return refuse_dark(choice, "a laser's line", key, error);
     double shortest_us = LINE_HIGH / brightest->high, long_us = conf->laser_exposure_us;
-    /* The line must reach twice the threshold above which it counts. */
+    /* The line must reach twice the threshold from which its brightness counts. */
     const double range_dn = (1 << choice->timing->bits[dimmest->camera]) - 1;
     const double least = 2 * conf->laser_threshold_dn / range_dn;
     const double needed_us = exposure_for(least, dimmest->low);
     if (conf->is_auto[AUTO_LASER]) {
-        /* Without a short exposure, this exposure must not saturate. */
+        /* If no short exposure is allowed, this exposure must not saturate. */
         const double max_us = may_short ? LINE_RATIO * shortest_us : FULL_PART / brightest->high;
         if (!check_ends(choice, brightest, dimmest, key, shortest_us, needed_us,
                         max_us / shortest_us, error))
@@ -359,8 +368,8 @@ char *auto_exposure_choose(Link *link, const struct session_conf *conf, const ch
     trial_init(&choice.trial, link, conf, &rig);
     if (!take_dark(&choice, error))
         return NULL;
-    /* If the session has no lamps or no lasers, any value is suitable. The value that stands for
-     * "auto" is used. */
+    /* If the session has no lamps or no lasers, their exposure has no effect. The value that stands
+     * for "auto" is used. */
     if (want_lamps && choice.trial.n_lamps == 0)
         g_string_append_printf(chosen, "%s = %.0f\n", auto_key_names[AUTO_EXPOSURES],
                                conf->exposures_us[0]);

@@ -40,8 +40,8 @@ static gboolean take_test_shots(Link *link, const struct before_capture *what,
     return warnings->len == 0 || what->yes;
 }
 
-/* Chooses the exposures that are "auto". Errors of the session file are reported before anything
- * moves. */
+/* Chooses the exposures that are "auto". Before a device moves, the daemon checks the session file
+ * and reports its errors. */
 static gboolean choose(Link *link, const struct before_capture *what, struct session_conf *conf,
                        char **ret_chosen, GError **error) {
     gboolean ok = FALSE;
@@ -69,7 +69,7 @@ gboolean before_capture(Link *link, const struct before_capture *what, char **re
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     *ret_chosen = NULL;
-    /* Handles the property changes since the daemon opened the rig. */
+    /* Handle the property changes that the daemon has sent since it opened the rig. */
     while (g_main_context_iteration(NULL, FALSE))
         ;
     const char *state = bus_rig1_get_state(link_rig(link));

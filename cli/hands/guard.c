@@ -9,17 +9,19 @@
 #include "trial.h"
 
 #define LONG_PICTURES 500
-/* Maximum part of a camera's pixels that may be saturated at the shortest exposure. A few
- * highlights are allowed. */
+/* Maximum part of a camera's pixels that may be saturated at the shortest exposure. It is above 0
+ * because a few highlights are allowed. */
 #define SATURATED_PART 0.05
-/* At the longest exposure under the brightest lamp, the 99th percentile must reach at least
- * BRIGHT_PART of the range. An exposure that is suggested reaches WANTED_PART. */
+/* At the longest exposure under the brightest lamp, the 99th percentile of a picture must reach at
+ * least BRIGHT_PART of the range. If it does not, an exposure is suggested that reaches
+ * WANTED_PART. */
 #define BRIGHT_PART 0.1
 #define WANTED_PART 0.5
-/* A camera sees a lamp if the lamp raises the mean of its picture by this part of the range. */
+/* A camera counts as seeing a lamp if the lamp raises the mean of its picture by this part of the
+ * range. */
 #define LAMP_PART 0.0005
-/* A saturated picture is taken again with an exposure that is shorter by this factor, to find an
- * exposure that is short enough. */
+/* If a picture is saturated, another one is taken with an exposure that is shorter by this factor.
+ * The suitable exposure follows from it. */
 #define SHORTER 32
 /* Limits for fiducials, the same as in a capture (capture_marks.c). */
 #define SYSTEMATIC_PX 0.05
@@ -28,10 +30,10 @@
 struct seen { /* what a camera has seen of all lamps */
     int bits;
     double dark_dn;
-    double high_dn;    /* highest 99th percentile of a picture at the longest exposure */
-    double saturated;  /* largest saturated part of a picture at the shortest exposure */
+    double high_dn;    /* highest 99th percentile of all pictures at the longest exposure */
+    double saturated;  /* largest saturated part of all pictures at the shortest exposure */
     int saturated_by;  /* the lamp of that picture */
-    double shorter_us; /* an exposure that is short enough; 0 if not known */
+    double shorter_us; /* exposure at which that picture would not be saturated; 0 if not known */
     gboolean any;      /* the camera sees at least one lamp */
 };
 
@@ -44,7 +46,8 @@ struct guard {
     struct seen seen[RIG_MAX_CAMERAS];
     gboolean shines[RIG_MAX_LAMPS], tried[RIG_MAX_LAMPS];
     GArray *fiducials; /* of struct fiducial_seen */
-    /* what has moved according to the whole test, and according to the last shot */
+    /* `moved` is what has moved according to all shots. moved_before is what has moved according to
+     * the last shot. */
     struct fiducials_moved moved, moved_before;
 };
 
@@ -71,7 +74,7 @@ static void warn(struct guard *guard, const char *format, ...) {
     va_end(args);
 }
 
-/* Warns of parts that the session needs and the calibration lacks. */
+/* Adds a warning for each part that the session needs and the calibration lacks. */
 static void judge_calibration(struct guard *guard) {
     const struct session_conf *conf = guard->trial.conf;
     const gboolean lights = conf->n_lights > 0 || conf->lights_of;
@@ -150,9 +153,9 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
                     (int)(guard->fiducials->len - from), SYSTEMATIC_PX, MIN_DEG, ret);
 }
 
-/* Finds what has moved from the fiducials of one shot. These begin at the index `from`. A bright
- * sample next to a fiducial may make the fiducial look displaced under one lamp. If there is more
- * than one lamp, two consecutive shots must therefore agree. */
+/* Finds what has moved, from the fiducials of one shot, which begin at the index `from`. If there
+ * is more than one lamp, two consecutive shots must agree. The reason is that a bright sample next
+ * to a fiducial may make the fiducial look displaced under one lamp. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)
@@ -165,12 +168,13 @@ static void compare_shot(struct guard *guard, guint from) {
     guard->moved_before = seen;
 }
 
-/* Returns a suitable exposure for a camera that saturates, found with one more picture of the same
- * shot. Returns 0 if none was found. */
+/* Returns an exposure at which a saturated camera would not saturate. It is found with one more
+ * picture of the same shot. Returns 0 if none was found. */
 static double find_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_values report;
-    /* The camera may not support such a short exposure. Then the test shot fails. */
+    /* The picture fails if the camera does not support such a short exposure. The result is then
+     * 0. */
     g_autoptr(Frame) frame = snap(guard, camera, us, &report, NULL);
     const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
     return frame && report.saturated < SATURATED_PART && above_dn > 1
@@ -200,8 +204,8 @@ static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **e
     return TRUE;
 }
 
-/* Takes pictures under a lamp, with all cameras or, if only_shines is TRUE, until one of them sees
- * the lamp. */
+/* Takes pictures under a lamp. If only_shines is FALSE, all cameras take them, otherwise only as
+ * many as are needed until one sees the lamp. */
 static gboolean try_lamp(struct guard *guard, int lamp, gboolean only_shines, GError **error) {
     const guint before = guard->fiducials->len;
     guard->n_shots++;
@@ -311,8 +315,9 @@ GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct r
         ok = try_lamp(&guard, trial->lamps[i], FALSE, error);
     if (ok)
         judge(&guard);
-    /* The other lamps may still be dead, which the first five shots cannot show. A rig with many
-     * lamps and cameras would need too long for pictures of all pairs. */
+    /* The remaining lamps may be dead, which the first five shots cannot show. Each is therefore
+     * tried until one camera sees it. Pictures of all pairs of lamp and camera would take too
+     * long. */
     const gboolean rest = warnings->len == n_before;
     for (int i = n_first; i < trial->n_lamps && rest && ok; i++) {
         const int l = trial->lamps[i];

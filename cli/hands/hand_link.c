@@ -9,7 +9,7 @@
 
 char *hand_rig;
 
-/* Handles the property changes since the daemon opened or closed the rig. */
+/* Handles the property changes that the daemon has sent since it opened or closed the rig. */
 static void catch_up(void) {
     while (g_main_context_iteration(NULL, FALSE))
         ;

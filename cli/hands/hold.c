@@ -8,8 +8,9 @@
 #include "hand_link.h"
 #include "hands.h"
 
-/* The lease of a light that is held is LEASE_S, and is renewed every RENEW_MS. If this program is
- * stopped or its connection hangs, the light goes off when the lease ends. */
+/* While this program keeps a light on, the lease of the light is LEASE_S seconds and is renewed
+ * every RENEW_MS. If this program is stopped or its connection hangs, the light goes off when the
+ * lease ends. */
 #define LEASE_S  10
 #define RENEW_MS 3000
 
@@ -36,8 +37,8 @@ static gboolean on_end(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Renews the lease of the light. With --for, the lease ends at the end of that time at the
- * latest, so the daemon switches the light off even if this program hangs. */
+/* Renews the lease of the light. With --for, the lease ends no later than the given time. The
+ * daemon then switches the light off even if this program hangs. */
 static gboolean on_renew(gpointer data) {
     struct waiting *waiting = data;
     const double left_s = waiting->until_us == 0
@@ -82,8 +83,8 @@ static void on_devices(GObject *object, GParamSpec *spec, gpointer data) {
     on_end(waiting);
 }
 
-/* Waits for a signal, the end of the given time, or a fault. Returns the fault, or NULL. g_free()
- */
+/* Waits for a signal, the end of the given time, or a fault. Returns the fault, to be freed with
+ * g_free(), or NULL. */
 static char *wait_for_end(Link *link) {
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     guint ids[G_N_ELEMENTS(numbers)];
@@ -120,8 +121,8 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
     if (seconds < 0 || !isfinite(seconds))
         return cli_usage(call->command, "--for=%g: give a positive number of seconds", seconds);
     g_autoptr(Link) link = hand_link(error);
-    /* While the light warms up, the lease is not that of a short --for: a renewal that comes late
-     * would end it. */
+    /* While the light warms up, its lease is LEASE_S even if --for is shorter, because a short
+     * lease would end if a renewal were late. */
     if (!link || !hand_light_for(link, laser, name, LEASE_S, error))
         return CLI_FAILED;
     const char *rig = bus_rig1_get_rig_path(link_rig(link));
@@ -163,7 +164,7 @@ static int run_move(const struct call *call, GError **error) {
     g_autoptr(Link) link = hand_link(error);
     if (!link)
         return CLI_FAILED;
-    /* The axes of a rig that was opened for this call are not homed yet. */
+    /* If the rig was opened for this call, its axes are not homed yet. */
     if (hand_rig && link_is_private(link) && !hand_home(link, axis, &deg, error))
         return CLI_FAILED;
     if (!hand_move(link, axis, to, &deg, error)) {

@@ -8,7 +8,8 @@
 #include "capture/thumbnail.h"
 #include "exr/exr.h"
 
-/* Draws bars whose heights are square roots, so that small bins stay visible. */
+/* Draws a histogram as bars. Their heights are proportional to the square roots of the counts, so
+ * that small bins stay visible. */
 static char *histogram_text(const guint bins[PICTURE_BINS]) {
     static const char *const bars[] = {" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
     GString *text = g_string_new(NULL);

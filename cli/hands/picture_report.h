@@ -5,7 +5,7 @@
 #include "common/record.h"
 #include "drivers/frame.h"
 
-/* Adds the values to the record, with a text of three lines. */
+/* Adds the values of a frame to the record, with a text of three lines. */
 void picture_report_tell(Record *to, const char *camera, const Frame *frame,
                          const struct picture_values *report);
 

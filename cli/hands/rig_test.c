@@ -10,8 +10,9 @@
 
 #define EXPOSURE_US 10000
 #define MOVE_DEG    5
-/* A camera sees a lamp if the lamp raises the mean of its picture by LAMP_PART of the range. It
- * sees a laser if the laser raises the brightest pixel by LASER_PART. */
+/* A camera counts as seeing a lamp if the lamp raises the mean of its picture by LAMP_PART of the
+ * range. It counts as seeing a laser if the laser raises the brightest pixel by LASER_PART of the
+ * range. */
 #define LAMP_PART  0.0005
 #define LASER_PART 0.004
 
@@ -35,7 +36,8 @@ struct trial {
     struct test_report report;
     gboolean dark_known[RIG_MAX_CAMERAS];
     struct picture_values dark[RIG_MAX_CAMERAS];
-    double most_dn[RIG_MAX_CAMERAS]; /* rise of the picture that the report has of the camera */
+    /* rise of the mean, in DN, in the picture that the report shows of the camera */
+    double most_dn[RIG_MAX_CAMERAS];
     int n, n_good;
 };
 
@@ -50,7 +52,7 @@ static struct test_result *begin(struct trial *trial, const char *class_name, co
     return result;
 }
 
-/* Reports the result of a device. Takes ownership of what. */
+/* Finishes the result of a device with the sentence `what`, of which it takes ownership. */
 static void tell(struct trial *trial, struct test_result *result, gboolean good, char *what) {
     result->seconds = (double)g_get_monotonic_time() * 1e-6 - result->seconds;
     result->good = good;
@@ -136,9 +138,9 @@ static void try_camera(struct trial *trial, int i, const char *driver) {
                          frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
 }
 
-/* Takes a picture of each camera that has a dark picture, under a light that is on. The report
- * shows the picture of each camera under the lamp that makes it brightest. After the first failure,
- * no other camera is asked. */
+/* Takes a picture with each camera that has a dark picture, while a light is on. For each camera,
+ * the report keeps the picture under the lamp that makes it brightest. If a picture fails, the
+ * remaining cameras take none. */
 static void look(struct trial *trial, gboolean laser, struct test_result *result, int *ret_asked,
                  int *ret_saw, GError **error) {
     for (int i = 0; i < trial->rig.n_cameras; i++) {
@@ -161,7 +163,7 @@ static void look(struct trial *trial, gboolean laser, struct test_result *result
     }
 }
 
-/* Returns what a confirmed command of a driver means. */
+/* Returns in words what it means that a driver has confirmed a command. */
 static const char *confirmed_by(const char *driver) {
     const struct driver_info *info;
     for (gsize i = 0; (info = devices_driver(i)); i++)
@@ -206,9 +208,9 @@ static void try_interlock(struct trial *trial, const char *name, const char *dri
          g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
 }
 
-/* Returns the driver of the device of a class and name, or "" if there is none. For a lamp, which
- * is part of a bank, name is NULL: the result is the driver of all banks, or "" if their drivers
- * differ. */
+/* Returns the driver of the device with a class and a name, or "" if there is none. For a lamp,
+ * name is NULL, because a lamp is part of a bank that has another name. The result is then the
+ * driver of all banks, or "" if the banks have different drivers. */
 static const char *driver_of(GVariant *devices, const char *class_name, const char *name) {
     const char *found = "", *of_class, *of_name, *driver, *health;
     GVariantIter iter;
@@ -225,8 +227,8 @@ static const char *driver_of(GVariant *devices, const char *class_name, const ch
     return found;
 }
 
-/* Tries interlocks first, because lasers and axes depend on them. Then tries axes, cameras, lamps
- * and lasers. */
+/* Tests all devices. Interlocks come first, because lasers and axes depend on them; then axes,
+ * cameras, lamps and lasers. */
 static void try_all(struct trial *trial) {
     static const char *const classes[] = {"interlock", "axis"};
     g_autoptr(GVariant) devices = bus_rig1_dup_devices(link_rig(trial->link));
@@ -258,7 +260,8 @@ static void try_all(struct trial *trial) {
     if (!devices)
         return;
     GVariantIter iter;
-    /* Further places of a laser unit are not separate devices. */
+    /* Lasers come from the list of devices and not from the rig file, because there one laser may
+     * have several sections, one for each place. */
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health))
         if (strcmp(class_name, "laser") == 0)
@@ -277,9 +280,9 @@ static gboolean need_idle(Link *link, GError **error) {
     return FALSE;
 }
 
-/* Opens the rig, with a recording if one is wanted. With a recording, a device that cannot be
- * opened is not an error here: the recording and the report say so, and *ret_why is the reason.
- * After other failures, returns FALSE with an error. */
+/* Opens the rig, with a recording if `records` is TRUE. Returns FALSE with an error on failure,
+ * with one exception. In a recording, a device that cannot be opened is a result: the function
+ * returns TRUE and sets *ret_why to the reason, which the recording and the report contain. */
 static gboolean open_rig(struct trial *trial, const char *rig, gboolean records, gboolean *was_open,
                          GError **ret_why, GError **error) {
     if (!need_idle(trial->link, error) || !devices_read_geometry(rig, &trial->rig, error))
@@ -300,7 +303,8 @@ static gboolean write_text(OutputFile *to, const char *text, GError **error) {
     return !to || output_file_put(to, text, strlen(text), error);
 }
 
-/* Tests the rig, and writes recording and report (may be NULL). */
+/* Tests the rig, and writes the recording and the report (page). Each of the two files may be
+ * NULL. */
 static gboolean test_rig(struct trial *trial, OutputFile *recording, OutputFile *page,
                          GError **error) {
     g_autofree char *rig = NULL;

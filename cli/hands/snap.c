@@ -46,8 +46,8 @@ static gboolean set_lights(Link *link, gboolean on, GError **error) {
            (!laser || hand_light(link, TRUE, laser, on, error));
 }
 
-/* Finds a daemon with the rig and switches the requested lights on. Returns NULL after a
- * failure, and the lights go off when the link is freed. */
+/* Finds a daemon with the rig and switches the requested lights on. After a failure, returns NULL
+ * and frees the link, so that the lights go off. */
 static Link *look_begin(const struct call *call, GError **error) {
     if (exposure_us == 0)
         exposure_us = EXPOSURE_US;
@@ -106,8 +106,9 @@ static gboolean on_signal(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Takes and shows the next picture. On a terminal, it is drawn over the previous one. Elsewhere,
- * each picture is a few lines of text or, with --json, one line of JSON. */
+/* Takes and shows the next picture. On a terminal, the picture is drawn over the previous one.
+ * Elsewhere, each picture is described in a few lines of text or, with --json, in one line of
+ * JSON. */
 static gboolean show_next(Link *link, const char *camera, enum picture_way way, gboolean first,
                           GError **error) {
     g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);

@@ -11,7 +11,9 @@
 #include <sys/utsname.h>
 
 #define PICTURE_SIDE 480 /* pixels */
-#define MIN_PLACE    4   /* bytes; a shorter text could be part of anything */
+/* Minimum length in bytes of a path or address that is hidden. A shorter text could be part of any
+ * word. */
+#define MIN_PLACE 4
 
 static void result_free(gpointer data) {
     struct test_result *result = data;
@@ -115,8 +117,8 @@ static gboolean is_device_line(const char *line) {
     return *line == '[';
 }
 
-/* Adds a row for each device of a recording: the text that the device gave for `result`, such as
- * the text after "[axis turntable] = opened: ". */
+/* Adds a row for each device of a recording. The row has the text that the device gave as `result`.
+ * For "opened" and the axis "turntable", this is the text after "[axis turntable] = opened: ". */
 static void add_said(GString *to, const char *recording, const char *result) {
     g_autofree char *mark = g_strdup_printf("] = %s: ", result);
     g_auto(GStrv) lines = g_strsplit(recording, "\n", -1);
@@ -239,8 +241,8 @@ static void add_lights(GString *to, const struct test_report *report) {
         g_string_append(to, "</table></div>\n");
 }
 
-/* Adds the histogram as a drawing. The heights of its bars are square roots, so that small bins
- * stay visible. */
+/* Adds the histogram as a drawing. The heights of its bars are proportional to the square roots of
+ * the counts, so that small bins stay visible. */
 static void add_histogram(GString *to, const struct test_picture *picture) {
     const int width = 8, height = 100;
     guint most = 1;

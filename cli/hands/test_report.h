@@ -15,13 +15,15 @@ struct test_move {
 struct test_result {
     char *class_name, *name, *driver;
     gboolean good;
-    char *said; /* a sentence with figures, or the error and what to do */
+    char *said; /* a sentence with figures, or the error and what to do about it */
     double seconds;
     GArray *moves; /* of struct test_move; of an axis */
-    /* Only for a light. on_s and off_s are the times until the device has confirmed "on" and "off",
-     * or NAN if it has not. rise_dn is the largest rise of a camera's picture when the light is on:
-     * of its mean for a lamp, and of its brightest pixel for a laser. rise_dn is NAN if no camera
-     * took a picture. */
+    /* These members are only for a light. on_s and off_s are the times in seconds until the device
+     * has confirmed "on" and "off", or NAN if it has not.
+     *
+     * rise_dn is the largest rise of any camera's picture, in DN, when the light is on. For a lamp
+     * it is the rise of the mean, and for a laser that of the brightest pixel. It is NAN if no
+     * camera took a picture. */
     double on_s, off_s, rise_dn;
     const char *confirmed; /* what a confirmed command means; static */
 };
@@ -45,23 +47,25 @@ struct test_report {
 void test_report_init(struct test_report *report);
 void test_report_clear(struct test_report *report);
 
-/* Adds the result of a device, to be filled. Copies the names. The report owns it. */
+/* Adds a result for a device and returns it. The caller fills the other members. The names are
+ * copied. The report owns the result. */
 struct test_result *test_report_add(struct test_report *report, const char *class_name,
                                     const char *name, const char *driver);
 
-/* Adds a picture of a camera, or replaces the picture that the report has of this camera. Takes a
- * reference of the frame. The report owns the result. */
+/* Adds a picture of a camera, or replaces the picture that the report has of this camera. The
+ * report takes a reference of the frame, and owns the returned picture. */
 struct test_picture *test_report_add_picture(struct test_report *report, const char *camera,
                                              const char *light, Frame *frame);
 
-/* Returns the RMS noise of a pixel of two pictures of the same scene: the deviation of their
- * difference, divided by √2. Returns NAN if their sizes differ. */
+/* Returns the RMS noise of a pixel in DN, from two pictures of the same scene. It is the standard
+ * deviation of their difference, divided by √2. Returns NAN if the sizes of the pictures differ. */
 double test_noise_dn(const Frame *a, const Frame *b);
 
-/* Replaces the paths and addresses of the devices in the sentences of the results with "…". Paths
- * and addresses of fewer than four bytes are not replaced. rig is the path of the rig file. If the
- * rig file cannot be read, nothing is replaced. */
+/* Replaces paths and addresses of devices in the sentences of the results with "…". A path or
+ * address of fewer than four bytes is not replaced. rig is the path of the rig file. If it cannot
+ * be read, nothing is replaced. */
 void test_report_hide_places(struct test_report *report, const char *rig);
 
-/* Returns the page (common/page.h), which has no path, no host name and no address; g_free(). */
+/* Returns the page (common/page.h), which has no path, no host name and no address. Free it with
+ * g_free(). */
 char *test_report_page(const struct test_report *report);

@@ -6,7 +6,8 @@
 #include "geometry/rig.h"
 #include "hand_link.h"
 
-/* Maximum angle between a device and the ring that it serves, the same as in the plan. */
+/* Maximum difference between the polar angle of a camera, lamp or laser and that of the ring to
+ * which it belongs. The plan has the same limit. */
 #define TOLERANCE_DEG 0.5
 
 static gboolean is_planned(const struct ring *rings, int n, char **devices, const char *name,
@@ -72,8 +73,8 @@ void trial_init(struct trial *trial, Link *link, const struct session_conf *conf
     sort_lamps(trial);
 }
 
-/* Returns the azimuth of the position on a ring that is farthest from all cameras, with the
- * turntable at 0. */
+/* Returns an azimuth of a ring, with the turntable at 0. Of all planned azimuths, it is the one
+ * that is farthest from all cameras. */
 static double free_azimuth_deg(const struct rig *rig, const struct ring *ring) {
     double best_deg = ring->offset_deg, farthest_deg = -1;
     for (int k = 0; k < ring->count; k++) {

@@ -25,9 +25,10 @@ struct compare {
     /* results */
     Material *of_a, *of_b;
     struct comparison *comparison;
-    double evaluation_ns; /* time of one evaluation of B; NAN if B cannot be evaluated */
+    double evaluation_ns; /* time of one evaluation of B in ns; NAN if B cannot be evaluated */
     struct left_out left_out;
-    struct held_out held; /* the directions that were left out for points */
+    /* the directions that were left out when the points of the curve were measured */
+    struct held_out held;
     struct codec_geometry *geometry;
     GArray *points;
 };
@@ -41,7 +42,7 @@ static gboolean draw(const struct compare *compare, GError **error) {
                                    error);
 }
 
-/* Returns the number of bytes of the part of the BTF that the methods have seen. */
+/* Returns the number of bytes of the BTF without the directions that were left out. */
 static double seen_bytes(const struct compare *compare) {
     const struct btf_layout *layout = material_info(compare->of_a)->layout;
     const double views = (double)layout->views.n, lights = (double)layout->lights.n;
@@ -68,8 +69,9 @@ static gboolean work_compare(const struct work *work, gpointer data, GError **er
     if (!compare->of_b)
         return FALSE;
     compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
-    /* compare_evaluation_ns() fails if B has directions below the horizon. Such materials can be
-     * compared, but nothing can be evaluated between their directions. NAN leaves the time out. */
+    /* compare_evaluation_ns() fails if B has directions below the horizon. Such a material can be
+     * compared at its directions, but not evaluated between them. The time is then left out
+     * (NAN). */
     if (compare->comparison && !compare_evaluation_ns(compare->of_b, &compare->evaluation_ns, NULL))
         compare->evaluation_ns = NAN;
     return compare->comparison && (!compare->plot || draw(compare, error));
@@ -154,8 +156,8 @@ static void tell_pictures(Record *to, const struct comparison *c) {
                PLURAL(c->n_pictures, "picture"));
 }
 
-/* Reports the difference that the error bars predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its share of
- * the squared difference. B has error bars only if it is also a session. */
+/* Reports the difference that the error bars σ predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and which part of
+ * the squared difference this explains. B has error bars only if B is a session. */
 static void tell_sigma(Record *to, const struct compare *compare) {
     const struct material_info *infos[] = {material_info(compare->of_a),
                                            material_info(compare->of_b)};
@@ -255,7 +257,7 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
     return CLI_DONE;
 }
 
-/* Returns the options of the command. The placeholder of --method is a list of all codecs. */
+/* Returns the options of the command. The help of --method names all codecs as its choices. */
 static const GOptionEntry *entries(void) {
     static GOptionEntry table[] = {
         {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
@@ -285,7 +287,7 @@ static const GOptionEntry *entries(void) {
     return table;
 }
 
-/* Reports the errors of methods at directions that they have not seen. */
+/* Reports the errors of codecs at directions that were left out. */
 static int run_methods(const struct call *call, const struct left_out *left_out, GError **error) {
     const struct compare_methods_asked asked = {call->arguments[0], *left_out,
                                                 codecs_find(method_option)};

@@ -7,8 +7,8 @@
 #include <gio/gio.h>
 #include <math.h>
 
-/* Sizes of RBF and kriging are those of PTM (18 numbers), of HSH with 9 terms (27), and all
- * pictures. */
+/* RBF and kriging are measured at three sizes: that of PTM (18 numbers per pixel), that of HSH with
+ * 9 terms (27), and with all pictures. */
 static const struct relighting_model models[] = {
     {.basis = RELIGHTING_PTM},
     {.basis = RELIGHTING_HSH, .n_terms = 4},
@@ -43,7 +43,7 @@ static void clear_row(gpointer data) {
     g_free(row->impossible);
 }
 
-/* Measures a model. A model that the lights do not determine gets a row that says so. */
+/* Measures a model. If the lights do not determine the model, its row says so. */
 static gboolean measure(struct lights *lights, const struct relighting_model *model,
                         const float *pictures, float *predicted, const struct work *work,
                         GError **error) {

@@ -3,7 +3,7 @@
 
 #include "common/record.h"
 
-/* Predicts the picture under each light of a session's view from the pictures under all other
- * lights, by each basis of relighting/relighting.h (PTM, HSH, RBF, kriging), and adds the errors to
- * the record. */
+/* Measures relighting of a session's view. The picture under each light is predicted from the
+ * pictures under all other lights, by each basis of relighting/relighting.h (PTM, HSH, RBF,
+ * kriging). The errors are added to the record. */
 gboolean compare_lights(const char *session, Record *to, GError **error);

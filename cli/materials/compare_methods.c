@@ -20,8 +20,8 @@ struct methods {
     GArray *found; /* of struct method_errors */
 };
 
-/* Adds the errors of a model at the directions that it has not seen. seen is its error at the
- * directions that it has seen. */
+/* Adds the errors of a model at the directions that were left out. `seen` is the error of the model
+ * at all other directions. */
 static gboolean measure(struct methods *methods, const struct codec *codec, gconstpointer model,
                         double seen, const struct work *work, GError **error) {
     g_autoptr(Material) material = material_borrow(codec->name, codec, model);

@@ -10,6 +10,7 @@ struct compare_methods_asked {
     const struct codec *codec; /* the only codec to measure; NULL for all codecs */
 };
 
-/* Encodes the BTF without some views and lights by each codec with its default options, and adds
- * the errors at the directions that were left out to the record. */
+/* Measures codecs at directions that were left out. The BTF without these views and lights is
+ * encoded by each codec with its default options. The errors at these views and lights are added to
+ * the record. */
 gboolean compare_methods(const struct compare_methods_asked *asked, Record *to, GError **error);

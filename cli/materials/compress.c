@@ -48,7 +48,7 @@ static gboolean encode(struct compress *compress, const struct btf_matrix *btf,
 /* Computes the model with its errors and sizes, and writes its file. */
 static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     const struct compress_asked *asked = compress->asked;
-    /* Half of the memory limit is for the BTF, and the rest for the computation. */
+    /* Half of the memory limit is for the BTF, and the other half for the computation. */
     struct btf_matrix *btf = btf_matrix_read_within(asked->memory / 2, asked->path, work, error);
     if (!btf)
         return FALSE;
@@ -76,8 +76,9 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     return ok;
 }
 
-/* Returns the name of the output file: -o, or METHOD.exr among the products of the session. Returns
- * NULL with an error if the session cannot be opened for making products. */
+/* Returns the name of the output file: the value of -o, or METHOD.exr among the products of the
+ * session. In the second case, returns NULL with an error if the session cannot be opened for
+ * making products. */
 static char *output(const struct compress_asked *asked, GError **error) {
     if (asked->output)
         return g_strdup(asked->output);

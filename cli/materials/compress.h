@@ -17,13 +17,14 @@ struct compress_method {
 
 struct compress_asked {
     struct compress_method method;
-    const char *path, *output; /* output is NULL if not given */
-    gint64 memory;             /* 0 if not limited */
-    gpointer options;          /* of method.options_size bytes */
-    char *made_by; /* the command with its options, for the session's list of products */
+    /* path of the session; name of the output file, or NULL if it is not given */
+    const char *path, *output;
+    gint64 memory;    /* 0 if not limited */
+    gpointer options; /* of method.options_size bytes */
+    char *made_by;    /* the command line, for the session's list of products */
 };
 
-/* Returns the options of all methods, one for each name. */
+/* Returns the options of all methods. An option that several methods have appears once. */
 const GOptionEntry *compress_entries(void);
 
 /* Reads the options of the call. Returns FALSE on bad usage, which has then been reported. Call
@@ -31,11 +32,11 @@ const GOptionEntry *compress_entries(void);
 gboolean compress_ask(const struct call *call, struct compress_asked *ret);
 void compress_clear(struct compress_asked *asked);
 
-/* Returns a text that contains everything on which the result depends, except the BTF. The same
- * options give the same text, however they were written. g_free() */
+/* Returns a text of everything on which the result depends, except the BTF. Options with the same
+ * values give the same text, even if they were written differently. Free it with g_free(). */
 char *compress_inputs(const struct compress_asked *asked);
 
-/* Compresses an MDF by the method of `asked`, which must be one of mdf_codecs[], writes the result
- * to asked->output, and adds the sizes and errors to the record. Returns CLI_DONE, or CLI_FAILED
- * with an error. */
+/* Compresses an MDF by the method of `asked`, which must be one of mdf_codecs[]. Writes the result
+ * to asked->output, and adds the sizes and errors to the record. Returns CLI_DONE on success. On
+ * failure, returns CLI_FAILED and sets error. */
 int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -1,4 +1,5 @@
-/* compress: its options and their help texts come from the tables of all codecs. */
+/* The options of the command compress. They and their help texts come from the tables of all
+ * codecs. */
 #include "compress.h"
 
 #include <string.h>
@@ -19,7 +20,7 @@ static struct given options[MAX_OPTIONS];
 static int n_methods, n_options;
 static char *method_option, *output_option;
 
-/* --memory, an option of all codecs that set bounded. */
+/* --memory, which belongs to all codecs whose member `bounded` is TRUE. */
 static const struct option memory = {
     .name = "memory",
     .type = OPTION_BYTES,
@@ -46,8 +47,8 @@ static void list_method(struct compress_method method) {
         list_option(option);
 }
 
-/* Returns the names of all methods that take an option. If option is NULL, returns the names of all
- * methods. g_free() */
+/* Returns the names of all methods that take an option, or of all methods if option is NULL. Free
+ * the text with g_free(). */
 static char *method_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
@@ -56,8 +57,8 @@ static char *method_names(const char *option, const char *separator) {
     return g_string_free(names, FALSE);
 }
 
-/* Returns a help text with lines such as "fields, ptm: their help". Methods with the same help
- * share it. */
+/* Returns the help text of an option, such as "fields, ptm: HELP". Methods that have the same text
+ * for the option share a line. */
 static const char *help_of(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;
@@ -159,8 +160,7 @@ const GOptionEntry *compress_entries(void) {
     return entries;
 }
 
-/* Returns the arguments of the command as they were given, so that the same command can be run
- * again. */
+/* Returns the command line as it was given, so that the same command can be run again. */
 static char *made_by(void) {
     g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {

@@ -7,7 +7,8 @@
 
 struct curve {
     const struct btf_matrix *btf;
-    const struct held_out *held; /* NULL for the errors at the measured directions */
+    /* directions that are left out; NULL for the errors at the measured directions */
+    const struct held_out *held;
     GArray *points;
     struct work quiet; /* can be cancelled, reports nothing */
 };
@@ -52,8 +53,8 @@ static int by_series_and_size(gconstpointer a, gconstpointer b) {
     return series ? series : (p->bytes > q->bytes) - (p->bytes < q->bytes);
 }
 
-/* Leaves out each point for which a smaller point of the same series has an error that is not
- * larger. */
+/* Removes each point that is not better than a smaller one: its series has a point of smaller size
+ * whose error is not larger. */
 static void keep_best(GArray *points) {
     struct plot_point *list = &g_array_index(points, struct plot_point, 0);
     guint kept = 0;

@@ -6,11 +6,12 @@
 
 /* Encodes the BTF without the directions of `held`, and measures the errors at these directions. If
  * `held` is NULL, the errors are those at the measured directions, which the codecs have seen.
+ *
  * Returns an array of struct plot_point, series by series and in order of size. A point is left out
- * if a smaller point of its series has an error that is not larger. The size is the size in a
- * renderer. For a packed local PCA it is the size of the file, which is written to the folder for
- * temporary files and removed. curve_free() frees the array and the strings of its points. Returns
- * NULL on error. */
+ * if its series has a point of smaller size whose error is not larger. The size is that in a
+ * renderer. For a packed local PCA it is that of the file, which is written to the folder for
+ * temporary files and then removed. Returns NULL on error. curve_free() frees the array and the
+ * strings of its points. */
 GArray *curve_measure(const struct btf_matrix *btf, const struct held_out *held,
                       const struct work *work, GError **error);
 void curve_free(GArray *points); /* NULL is ignored */

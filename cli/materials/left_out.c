@@ -18,7 +18,7 @@ gboolean left_out_parse(const char *text, struct left_out *to) {
     return TRUE;
 }
 
-/* Returns how many of n directions are left out: asked or, if asked is negative, the default. */
+/* Returns how many of n directions are left out: `asked`, or the default if `asked` is negative. */
 static int number(int asked, gsize n) {
     return asked >= 0 ? asked : held_out_default(n);
 }

@@ -1,5 +1,5 @@
-/* synthesize: makes an index map, with which a material of any size is drawn from a small
- * sample. */
+/* synthesize: makes an index map from a small sample. With an index map, a material of any size is
+ * drawn. */
 #include "materials.h"
 
 #include <stdio.h>
@@ -9,7 +9,8 @@
 #include "session/session.h"
 #include "synthesis/synthesis.h"
 
-#define MEMORY ((gint64)1 << 30) /* memory for the BTF; a larger one is kept in a scratch file */
+#define MEMORY ((gint64)1 << 30) /* Memory for the BTF. A larger BTF is kept in a temporary file.  \
+                                  */
 
 static char *output, *size, *method;
 static gboolean tileable;
@@ -37,10 +38,12 @@ struct synthesis {
     OutputFile *to; /* the file that is written */
 };
 
-/* Returns the name of the output file: -o, or index.exr among the products of the session. In the
- * second case, returns NULL with an error if the session cannot be opened, or if another process is
- * making products. This is only a check, so that the user learns early. The session stays free for
- * other commands during the work, and the file has a lock of its own. */
+/* Returns the name of the output file: the value of -o, or index.exr among the products of the
+ * session. In the second case, returns NULL with an error if the session cannot be opened, or if
+ * another process is making products.
+ *
+ * The session is only opened for this check, so that the user learns of the problem early. Other
+ * commands may use the session during the work, and the file has a lock of its own. */
 static char *output_path(const char *session, GError **error) {
     if (output)
         return g_strdup(output);
@@ -104,8 +107,8 @@ static void tell(Record *to, const struct synthesis *synthesis, double seconds) 
     cli_tell_output(to, synthesis->to);
 }
 
-/* Reads the options of the command into *o. Returns FALSE with *ret_code set if the command must
- * end. */
+/* Reads the options of the command into *o. If the command must end now, returns FALSE and sets
+ * *ret_code to its exit code. */
 static gboolean ask(const struct call *call, struct synthesis_options *o, int *ret_code) {
     char rest;
     *o = (struct synthesis_options){.width = 512, .height = 512};

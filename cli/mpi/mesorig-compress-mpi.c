@@ -1,5 +1,5 @@
-/* Computes the local PCA of a BTF with several processes, each of which holds some of the texels in
- * memory: docs/research/compression.md. */
+/* Computes the local PCA of a BTF with several processes. Each process has a part of the texels in
+ * memory (docs/research/compression.md). */
 #include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
@@ -36,8 +36,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* The first rank reports the progress for all ranks, with a line for each tenth of a stage, unless
- * --json is given. */
+/* The first rank reports the progress for all ranks: a line for each tenth of a stage, or nothing
+ * with --json. */
 static void on_progress(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
@@ -87,8 +87,8 @@ static gboolean write_file(OutputFile *to, const struct lpca *lpca, GError **err
     return TRUE;
 }
 
-/* Computes the model on all ranks. The first rank writes and reports it. `to` is the output of the
- * first rank, and NULL on the others. */
+/* Computes the model on all ranks. The first rank writes the file and reports the result. `to` is
+ * the output file on the first rank, and NULL on the others. */
 static gboolean compress(const char *path, const struct team *team, OutputFile *to,
                          enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
@@ -114,8 +114,8 @@ static gboolean compress(const char *path, const struct team *team, OutputFile *
     return ok;
 }
 
-/* Only the first rank writes. It holds the lock of the file meanwhile. A rank that fails ends all
- * ranks, and the kernel then releases the lock. */
+/* Only the first rank writes the file, and has the lock of the file during the work. If a rank
+ * fails, all ranks end, and the kernel releases the lock. */
 static gboolean compress_locked(const char *path, const struct team *team,
                                 enum lpca_quantise quantise, GError **error) {
     g_autoptr(OutputFile) to = NULL;
@@ -124,8 +124,8 @@ static gboolean compress_locked(const char *path, const struct team *team,
     return compress(path, team, to, quantise, error);
 }
 
-/* Returns the rank of this process, which the launcher has put into the environment, or −1 if there
- * is none. */
+/* Returns the rank of this process according to the environment, which the launcher has set.
+ * Returns −1 if the environment has no rank. */
 static int rank_of_environment(void) {
     static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
                                         "SLURM_PROCID"};
@@ -136,8 +136,8 @@ static int rank_of_environment(void) {
 }
 
 /* Parses the options. Returns 2 for bad usage, otherwise 0. The first rank reports bad usage for
- * all ranks, and answers --help and --version. It prints these texts in UTF-8 in any locale, and
- * before MPI is initialised. */
+ * all ranks, and answers --help and --version. These texts are in UTF-8 in any locale, and are
+ * printed before MPI is initialised. */
 static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context = g_option_context_new("SESSION -o FILE");
     const gboolean first = rank_of_environment() <= 0;

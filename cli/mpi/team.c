@@ -3,7 +3,8 @@
 #include <mpi.h>
 #include <string.h>
 
-#define PIECE ((gsize)1 << 26) /* maximum number of elements per call: MPI counts in int */
+/* maximum number of elements per call, because MPI counts elements in an int */
+#define PIECE ((gsize)1 << 26)
 
 static void team_sum(void *values, gsize n, gsize size, MPI_Datatype type) {
     for (gsize i = 0; i < n; i += PIECE)

@@ -1,4 +1,5 @@
-/* The ranks of an MPI program as a team that compresses a BTF. Only one thread may use it. */
+/* The ranks of an MPI program as a team (struct team) that compresses a BTF. Only one thread may
+ * use the team. */
 #pragma once
 
 #include "base/team.h"

@@ -9,8 +9,10 @@
 #include <unistd.h>
 
 #define READ_SIZE 16384
-#define FIRST_ID  7001 /* not 1, which shows programs that count instead of repeating the id */
-#define ID_STEP   3
+/* First id of a request. It is not 1, so that a program fails that counts by itself instead of
+ * repeating the id of the request. */
+#define FIRST_ID 7001
+#define ID_STEP  3
 
 static void answer_free(gpointer data) {
     struct bench_answer *answer = data;
@@ -221,8 +223,8 @@ void bench_end(struct bench *bench) {
     if (!bench_await_end(bench, BENCH_ENDS_MS))
         bench_kill(bench);
     program_process_close_pipes(&bench->process);
-    /* The runner ends with its socket. It is left behind if the kernel does not let its program
-     * die. */
+    /* The runner is the process that has started the program. It ends when its socket is closed. If
+     * the kernel does not let the program die, the runner stays behind. */
     if (bench->process.socket >= 0)
         close(bench->process.socket);
     bench->process = (struct program_process){.in = -1, .out = -1, .socket = -1};

@@ -1,8 +1,9 @@
 /*
- * A program under test by “mesorig conformance”. The program is started, gets requests, and is
- * killed at the end. Every function that waits has a deadline. A check is a function that returns
- * TRUE if the program keeps its promise. Otherwise it calls bench_fail() or bench_skip(), both of
- * which return FALSE.
+ * A test bench for a program that “mesorig conformance” tests. The bench starts the program, sends
+ * requests, and kills the program at the end. Every function that waits has a deadline.
+ *
+ * A check is a function that returns TRUE if the program behaves as it must. Otherwise the check
+ * returns FALSE, after it has called bench_fail() or bench_skip().
  */
 #pragma once
 
@@ -11,11 +12,12 @@
 
 #include <json-glib/json-glib.h>
 
-#define BENCH_ENDS_MS   1000 /* time to end after "close" and after the end of standard input */
+/* time in which the program must end after "close", and after the end of its standard input */
+#define BENCH_ENDS_MS   1000
 #define BENCH_MAX_LAMPS 1024
 
-/* The range of angles of an axis that the checks may use, the speed and acceleration of the axis,
- * and the largest error of its position after a move. */
+/* An axis: the range of angles that the checks may use, the speed and the acceleration, and the
+ * largest error of the position after a move. */
 struct bench_motion {
     double min_deg, max_deg, speed_deg_s, accel_deg_s2, tolerance_deg;
 };
@@ -34,11 +36,12 @@ struct bench {
     char *folder; /* for pictures */
 
     struct program_process process;
-    char *ended; /* how the program has ended; NULL while it runs */
+    char *ended; /* says how the program has ended; NULL while it runs */
     GByteArray *line;
     GPtrArray *answers; /* of struct bench_answer, since the start */
     guint64 last_id;
-    JsonObject *hello, *opened;  /* the answers of the program to "hello" and "open", or NULL */
+    /* answers of the program to "hello" and "open"; NULL before the answer */
+    JsonObject *hello, *opened;
     gint64 written_us;           /* time of the last request */
     int n_lamps;                 /* from the answer to "open" */
     struct camera_format format; /* from the answer to "open" */
@@ -51,14 +54,16 @@ struct bench {
     const char *check; /* name of the check that runs */
     struct bench_verdict verdict;
 
-    /* The first line that no program may send, and the first event that came at a wrong time, each
-     * as a sentence that names the check. NULL if there was none. */
+    /* The first line that no program may send, and the first event that came at a wrong time. Each
+     * is a sentence that names the check, or NULL if there was none. */
     char *strange_line, *strange_event;
     int n_events; /* events with a known name */
 };
 
 struct bench_answer {
-    guint64 id; /* id of the request; 0 for the error of a program that could not read a request */
+    /* id of the request; 0 for the error of a program that could not read a request, and so did not
+     * know its id */
+    guint64 id;
     char *failure;      /* NULL if the request did not fail */
     JsonObject *values; /* the result; NULL if the request failed */
     gint64 at_us;
@@ -70,23 +75,23 @@ gboolean bench_init(struct bench *bench, const struct program_command *command, 
 void bench_clear(struct bench *bench);
 void bench_clear_verdict(struct bench *bench);
 
-/* Records why the check that runs has failed. expected says what the program should have done, and
- * the text of came_format says what it has done. advice is a string literal that says what the
- * author of the program must do. If this is called again in the same check, the first reason
- * counts. Always returns FALSE. */
+/* Records why the present check has failed. `expected` says what the program should have done, and
+ * the text of came_format says what it has done instead. `advice` is a string literal that says
+ * what the author of the program must do. If the function is called again in the same check, the
+ * first reason counts. Always returns FALSE, so that a check can return its result. */
 gboolean bench_fail(struct bench *bench, const char *advice, const char *expected,
                     const char *came_format, ...) G_GNUC_PRINTF(4, 5);
-/* Records why the check that runs is skipped. Always returns FALSE. */
+/* Records why the present check is skipped. Always returns FALSE. */
 gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Starts the program, after ending it if it runs, and sends "hello". Returns FALSE with a verdict
- * if the program cannot be started or does not answer as it must. */
+/* Starts the program and sends "hello". If the program is running, it is ended before. Returns
+ * FALSE with a verdict if the program cannot be started or does not answer as it must. */
 gboolean bench_hello(struct bench *bench);
 /* The same as bench_hello(), and then sends "open" and reads the answer to it. */
 gboolean bench_open(struct bench *bench);
 
-/* The same as bench_open(), and then sends "stop" to lamps or to an axis. The lamps are then off;
- * the axis may still brake. */
+/* Does what bench_open() does, and then sends "stop" to lamps or to an axis. Afterwards the lamps
+ * are off. An axis may still be braking. */
 gboolean bench_ready(struct bench *bench);
 
 /* Closes the input of the program, and kills the program if it does not end in time. */
@@ -95,7 +100,7 @@ void bench_end(struct bench *bench);
 void bench_close_input(struct bench *bench);
 void bench_kill(struct bench *bench);
 
-/* Waits until the program has ended, and reads what it still writes. Returns FALSE if it has not
+/* Waits until the program has ended, and reads the rest of its output. Returns FALSE if it has not
  * ended after wait_ms. */
 gboolean bench_await_end(struct bench *bench, int wait_ms);
 
@@ -103,25 +108,27 @@ gboolean bench_await_end(struct bench *bench, int wait_ms);
  * and the next answer is missing. */
 void bench_write(struct bench *bench, const char *text);
 
-/* Returns the line of a request, with a new id in *ret_id. Takes ownership of params, which may be
- * NULL. g_free() */
+/* Returns the line of a request, to be freed with g_free(). The request gets a new id, which
+ * *ret_id is set to. The function takes ownership of params, which may be NULL. */
 char *bench_line(struct bench *bench, const char *method, JsonObject *params, guint64 *ret_id);
 
-/* Waits for the answer to the request with this id. Fails with a verdict if no answer comes within
- * wait_ms, or if the answer is an error. method is the name of the request, for the verdict.
- * ret_values may be NULL; json_object_unref(). */
+/* Waits for the answer to the request with this id. Returns FALSE with a verdict if no answer comes
+ * within wait_ms, or if the answer is an error. method is the name of the request, for the verdict.
+ * *ret_values is set to the result, to be freed with json_object_unref(). ret_values may be
+ * NULL. */
 gboolean bench_await(struct bench *bench, guint64 id, const char *method, int wait_ms,
                      JsonObject **ret_values);
 
-/* Waits like bench_await(), but the answer may also be an error. The bench owns the answer. Returns
- * NULL with a verdict if there is no answer. id may be 0 (see struct bench_answer). */
+/* Waits like bench_await(), but accepts an error as the answer too. The bench owns the answer.
+ * Returns NULL with a verdict if no answer comes. id may be 0 (see struct bench_answer). */
 const struct bench_answer *bench_await_any(struct bench *bench, guint64 id, const char *method,
                                            int wait_ms);
 
-/* Sends a request, and waits for its result. The time limit is that of the method: command->start_s
- * for "hello" and "open", program_camera_wait_us() for "trigger", and PROGRAM_ANSWER_MS for all
- * others. Takes ownership of params, which may be NULL. Returns FALSE with a verdict as
- * bench_await() does. */
+/* Sends a request, and waits for its result as bench_await() does. Takes ownership of params, which
+ * may be NULL. The time limit depends on the method:
+ * - command->start_s for "hello" and "open",
+ * - program_camera_wait_us() for "trigger",
+ * - PROGRAM_ANSWER_MS for all others. */
 gboolean bench_ask(struct bench *bench, const char *method, JsonObject *params,
                    JsonObject **ret_values);
 /* The same as bench_ask() for a request whose result is not needed. */
@@ -130,8 +137,8 @@ gboolean bench_do(struct bench *bench, const char *method, JsonObject *params);
 /* Reads answers and events for wait_ms, or until the program has ended. */
 void bench_pass(struct bench *bench, int wait_ms);
 
-/* Returns whether the answer to "hello" names a capability. */
+/* Returns whether the program's answer to "hello" names this capability. */
 gboolean bench_can(const struct bench *bench, const char *what);
 
-/* Returns params with one value; the value is a boolean, a number or a text. */
+/* Returns the params of a request with one value, which is a boolean, a number or a text. */
 JsonObject *bench_params(const char *name, JsonNode *value);

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define SILENCE_MARGIN_MS 2000 /* a program may end up to this time after silence_ms */
+#define SILENCE_MARGIN_MS 2000 /* time after silence_ms in which a program may still end */
 
 #define SEE_TABLE  "see the table of requests in docs/build-a-rig/programs.md"
 #define ONLY_LINES "print nothing else on standard output, and use standard error for messages"
@@ -153,7 +153,8 @@ static gboolean check_restart(struct bench *bench) {
     return g_str_equal(bench->class_name, "lamps") ? check_lamps_get(bench) : check_ping(bench);
 }
 
-/* An axis is not moved here, because its move would end long before the silence does. */
+/* An axis is not made unsafe here, because its move would end long before silence_ms have
+ * passed. */
 static gboolean check_silence(struct bench *bench) {
     if (!bench_ready(bench))
         return FALSE;
@@ -172,8 +173,8 @@ static gboolean check_silence(struct bench *bench) {
                             "it still runs after 12000 ms");
 }
 
-/* Uses the device, because --only may have chosen no other check. If the device cannot be used, the
- * check that calls this function is skipped, because another check reports that. */
+/* Uses the device, because the user may have chosen only this check. If the device cannot be used,
+ * the present check is skipped, because another check reports the failure. */
 static gboolean use_device(struct bench *bench) {
     if (g_str_equal(bench->class_name, "camera") ? check_camera_trigger(bench)
                                                  : checks_make_unsafe(bench))
@@ -207,7 +208,7 @@ static gboolean check_output(struct bench *bench) {
                       "%s", bench->strange_line);
 }
 
-/* One row per line, in the order in which they are run. */
+/* One row per line, in the order in which the checks are run. */
 // clang-format off
 static const struct check checks[] = {
     {"hello", NULL, NULL, "“hello” is answered with version and class", check_hello},
@@ -256,8 +257,8 @@ const struct check *checks_all(void) {
 }
 
 gboolean checks_has(const struct check *check, const char *class_name) {
-    /* If a name has several rows, a row for all classes does not count for a class with a row of
-     * its own. */
+    /* Several rows may have the same name. If a class has a row of its own, the row for all classes
+     * does not belong to it. */
     for (const struct check *other = checks; !check->class_name && other->name; other++)
         if (other != check && g_str_equal(other->name, check->name) &&
             g_strcmp0(other->class_name, class_name) == 0)

@@ -7,8 +7,8 @@
 struct check {
     const char *name;
     const char *class_name; /* NULL: all classes */
-    /* Name of the check on which this check builds, or NULL. If that check was run and has not
-     * passed, this check is skipped. */
+    /* Name of an earlier check on which this check depends, or NULL. If the earlier check was run
+     * and has not passed, this check is skipped. */
     const char *after;
     const char *promise;
     gboolean (*run)(struct bench *bench);
@@ -20,13 +20,15 @@ const struct check *checks_all(void);
 /* Returns whether a check belongs to a class. */
 gboolean checks_has(const struct check *check, const char *class_name);
 
-/* Sends “hello” with each class in turn. Returns the class that an answer names, or NULL if no
- * answer names one. */
+/* Sends “hello” with each class in turn. Returns the class that the program names in its answer, or
+ * NULL if no answer names one. */
 const char *checks_find_class(struct bench *bench);
 
-/* checks_make_unsafe() calls bench_ready(), then switches lamps on or begins to move the axis; a
- * camera is always safe. checks_find_safe() starts the program again and checks that the lamps are
- * off or the axis stands. `after` says what should have made the device safe, for the verdict. */
+/* checks_make_unsafe() brings the device into a state that is not safe: it calls bench_ready(),
+ * then switches lamps on or begins to move the axis. A camera is always safe.
+ *
+ * checks_find_safe() starts the program again and checks that the lamps are off or the axis stands.
+ * `after` says, for the verdict, what should have made the device safe. */
 gboolean checks_make_unsafe(struct bench *bench);
 gboolean checks_find_safe(struct bench *bench, const char *after);
 

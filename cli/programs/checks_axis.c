@@ -1,5 +1,5 @@
-/* An axis: “move” is answered when the motion begins, “get” says where the axis is and whether it
- * moves, and “stop” brakes. */
+/* Checks of an axis: “move” is answered when the motion begins, “get” says where the axis is and
+ * whether it moves, and “stop” brakes. */
 #include "checks.h"
 
 #include "program/message.h"
@@ -7,7 +7,7 @@
 #include <math.h>
 
 #define MAX_DEG  1e9
-#define POLL_MS  100 /* time between two questions, as in the driver */
+#define POLL_MS  100 /* time between two “get” requests, as in the driver */
 #define HOMING_S 60  /* time to home, in addition to the time of two moves over the whole range */
 #define STOP_S   5 /* time until the axis stands after “stop”, in addition to the time of braking */
 
@@ -28,7 +28,7 @@ static gboolean get_state(struct bench *bench, struct state *ret) {
                       "“deg”, “moving” and “homed”", "the program %s", error->message);
 }
 
-/* Asks every POLL_MS until the axis stands. Fails if the axis still moves after limit_s. */
+/* Sends “get” every POLL_MS until the axis stands. Fails if the axis still moves after limit_s. */
 static gboolean await_still(struct bench *bench, double limit_s, const char *after,
                             struct state *ret) {
     const gint64 deadline_us = g_get_monotonic_time() + (gint64)(limit_s * 1e6);
@@ -103,7 +103,7 @@ static gboolean ready_homed(struct bench *bench) {
     return ready(bench) && get_state(bench, &state) && (state.homed || home(bench));
 }
 
-/* Begins a move. The axis must then be moving, unless it is already at its target. */
+/* Begins a move. Fails if the axis is then neither moving nor at its target. */
 static gboolean begin_move(struct bench *bench, double deg) {
     struct state before, state;
     if (!get_state(bench, &before) || !bench_do(bench, "move", to_params(bench, deg)) ||
@@ -134,8 +134,9 @@ static gboolean move(struct bench *bench, double deg) {
                       expected, "it stands at %.3f°", state.deg);
 }
 
-/* The program was started again after `after`. The axis may still be braking, so its state is read
- * only after one and a half times the time of braking. */
+/* Checks that the axis stands after the program was ended by `after` and started again. The axis
+ * may still be braking, so its state is read only after one and a half times the time of
+ * braking. */
 gboolean check_axis_expect_still(struct bench *bench, const char *after) {
     const double braking_s = bench->motion.speed_deg_s / bench->motion.accel_deg_s2;
     struct state state;
@@ -176,7 +177,8 @@ gboolean check_axis_make_unsafe(struct bench *bench) {
     return ready_homed(bench) && move(bench, at(bench, 0.25)) && begin_move(bench, at(bench, 0.75));
 }
 
-/* After a “stop”, the axis must come to a stand before the target of its move, and remain there. */
+/* Checks that an axis comes to a stand after “stop”, before the target of its move, and stays
+ * there. */
 static gboolean expect_stopped(struct bench *bench) {
     struct state state, later;
     if (!await_still(bench, STOP_S + time_s(bench, 0), "“stop”", &state))

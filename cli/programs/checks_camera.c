@@ -1,4 +1,5 @@
-/* A camera: “trigger” takes a picture, which is a PGM file in the folder of “hello”. */
+/* Checks of a camera: “trigger” takes a picture, which is a PGM file in the folder that “hello” has
+ * named. */
 #include "checks.h"
 
 #include "program/message.h"
@@ -8,12 +9,13 @@
 #include <string.h>
 
 #define EXPOSURE_US 10000
-/* Exposure of the first picture. The computer may delay an answer by more than EXPOSURE_US, and an
- * answer before the end of the exposure would not be noticed. */
+/* Exposure of the first picture. A camera must not answer before the exposure has ended. Such an
+ * early answer is noticed only if the exposure is longer than the delays of the computer, which may
+ * be longer than EXPOSURE_US. */
 #define FIRST_US   100000
 #define STOPPED_US 1000000 /* exposure that is stopped */
-#define SHORT_US   300000  /* an exposure below this may end before the program reads “stop” */
-#define STOP_MS    100     /* from “trigger” to “stop” */
+#define SHORT_US   300000  /* The program may end a shorter exposure before it reads “stop”. */
+#define STOP_MS    100     /* time from “trigger” to “stop” */
 
 /* Returns the exposure of the camera that is nearest to the wanted one. */
 static gint64 exposure(const struct bench *bench, gint64 wanted_us) {
@@ -68,7 +70,8 @@ static gboolean check_times(struct bench *bench, JsonObject *values, gint64 expo
                       (double)(start_us + exposure_us - answered_us) / 1000);
 }
 
-/* Takes a picture. Its file must be what “open” has said. */
+/* Takes a picture. Fails if its file does not have the format that the answer to “open” has
+ * named. */
 static Frame *take(struct bench *bench, gint64 exposure_us, double gain_db) {
     const struct camera_format *format = &bench->format;
     g_autoptr(GError) error = NULL;

@@ -1,11 +1,14 @@
-/* Lamps: “get” says what is lit, “set” switches one lamp, and “stop” switches all lamps off. */
+/* Checks of lamps: “get” says what is lit, “set” switches one lamp, and “stop” switches all lamps
+ * off. */
 #include "checks.h"
 
 #include "program/message.h"
 
 #include <string.h>
 
-#define MOST_LAMPS 16 /* maximum number of lamps that are switched, spread evenly over all */
+/* Maximum number of lamps that are switched. If there are more lamps, these are spread evenly over
+ * all. */
+#define MOST_LAMPS 16
 
 #define READ_BACK "check the wiring, and answer “get” with what is read from the device"
 
@@ -27,7 +30,7 @@ static JsonObject *switch_params(int lamp, gboolean on) {
     return params;
 }
 
-/* Expects the lamps of an array to be on, and all others to be off. */
+/* Checks that exactly the lamps that are TRUE in `wanted` are on. */
 static gboolean expect_lamps(struct bench *bench, const gboolean *wanted, const char *after,
                              const char *advice) {
     g_autofree gboolean *on = g_new0(gboolean, bench->n_lamps);
@@ -58,15 +61,15 @@ gboolean check_lamps_get(struct bench *bench) {
     return bench_ready(bench) && expect_off(bench, "“stop”", READ_BACK);
 }
 
-/* Returns the index of the n-th lamp that is switched, counted from 0, or −1 if there are not so
- * many. */
+/* Returns the index of the n-th of the lamps that are switched, counted from 0. Returns −1 if fewer
+ * lamps are switched. */
 static int chosen(const struct bench *bench, int n) {
     const int n_chosen = MIN(bench->n_lamps, MOST_LAMPS);
     return n >= n_chosen ? -1 : n == 0 ? 0 : n * (bench->n_lamps - 1) / (n_chosen - 1);
 }
 
-/* Sends the same “set” twice. The second one must have no effect, because the lamp is already in
- * the wanted state. */
+/* Sends the same “set” twice. The second one must have no effect, because the lamp is then already
+ * in the wanted state. */
 static gboolean switch_twice(struct bench *bench, int lamp, gboolean on, gboolean *wanted) {
     g_autofree char *after =
         g_strdup_printf("“set” with index %d and on %s", lamp, on ? "true" : "false");
@@ -78,7 +81,8 @@ static gboolean switch_twice(struct bench *bench, int lamp, gboolean on, gboolea
     return TRUE;
 }
 
-/* Switches each lamp on while the one before is still on, then switches the one before off. */
+/* Switches the lamps on one after the other. Each time, the lamp before is still on, and is then
+ * switched off. */
 gboolean check_lamps_set(struct bench *bench) {
     if (!bench_ready(bench))
         return FALSE;

@@ -1,4 +1,5 @@
-/* conformance: tests a program of the user that is a device (docs/build-a-rig/programs.md). */
+/* conformance: tests a program of the user that operates a device
+ * (docs/build-a-rig/programs.md). */
 #include "checks.h"
 #include "programs.h"
 
@@ -46,7 +47,8 @@ static gboolean is_class(const char *name) {
     return g_strv_contains(classes, name);
 }
 
-/* Returns FALSE and reports it if a check of --only does not exist. */
+/* Checks the names of --only. Returns FALSE if a check does not exist, which has then been
+ * reported. */
 static gboolean check_only(const struct command *command) {
     for (char **name = only; name && *name; name++) {
         struct nearest nearest = nearest_new(*name);
@@ -95,7 +97,7 @@ static void tell(Record *to, const struct check *check, enum result result,
     record_end(to);
 }
 
-/* Runs a check, unless a check on which it builds has not passed. */
+/* Runs a check. Skips it if a check on which it depends has not passed. */
 static enum result run_check(struct bench *bench, const struct check *check, GHashTable *results) {
     gpointer before;
     if (check->after && g_hash_table_lookup_extended(results, check->after, NULL, &before) &&
@@ -140,7 +142,7 @@ static gboolean run_checks(struct bench *bench, Record *to) {
     }
     record_end(to);
     progress_free(progress);
-    /* After a check that has failed, the device may not be safe. */
+    /* After a failed check, the device may not be safe. It is made safe by “stop” and “close”. */
     if (n[FAILED] > 0 && !has_failed(results, "hello") && !has_failed(results, "open") &&
         bench_ready(bench))
         bench_do(bench, "close", NULL);

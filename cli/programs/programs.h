@@ -1,4 +1,4 @@
-/* The command for programs that are devices: conformance. */
+/* The command conformance, for programs that operate devices. */
 #pragma once
 
 #include "common/cli.h"
