@@ -9,8 +9,8 @@
 #include "session/session.h"
 #include "synthesis/synthesis.h"
 
-#define MEMORY ((gint64)1 << 30) /* Memory for the BTF. A larger BTF is kept in a temporary file.  \
-                                  */
+/* Memory for the BTF. A larger BTF is kept in a temporary file. */
+#define MEMORY ((gint64)1 << 30)
 
 static char *output, *size, *method;
 static gboolean tileable;
