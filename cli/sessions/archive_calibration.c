@@ -1,4 +1,4 @@
-/* Describes in words the calibration that the products of a session were made with. */
+/* Describes in words the calibration with which the products of a session were made. */
 #include "archive.h"
 
 #include "session/made_with.h"

@@ -1,5 +1,5 @@
-/* An archive as the metadata of a research object: RO-Crate 1.1 (Soiland-Reyes et al. 2022),
- * JSON-LD in which the session's folder is the data set. */
+/* Writes an archive as the metadata of a research object: RO-Crate 1.1 (Soiland-Reyes et al. 2022),
+ * a file of JSON-LD. The folder of the session is its data set. */
 #include "archive.h"
 #include "base/plural.h"
 
@@ -155,7 +155,7 @@ char *archive_crate(const struct archive *archive) {
         finish(&graph, license);
     }
 
-    /* sha256 is a term of schema.org, which the context of RO-Crate 1.1 lacks. */
+    /* The context of RO-Crate 1.1 lacks the term sha256 of schema.org, so the file defines it. */
     g_variant_builder_init(&terms, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&terms, "{sv}", "sha256",
                           g_variant_new_string("https://schema.org/sha256"));

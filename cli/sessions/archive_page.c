@@ -1,4 +1,4 @@
-/* An archive as a page: one file that a browser shows without any network. */
+/* Writes an archive as a page: one file that a browser shows without a network. */
 #include "archive.h"
 #include "base/plural.h"
 #include "common/page.h"
@@ -184,8 +184,8 @@ static void add_events(GString *to, const struct archive *archive) {
     g_string_append(to, "</details>\n");
 }
 
-/* Adds the list of products. The views of the BTF are too many for the list, so it has only their
- * number and size. */
+/* Adds the list of products. There are too many views of the BTF to list them, so only their number
+ * and size are given. */
 static void add_products(GString *to, const struct archive *archive) {
     int shown = 0, views = 0;
     gint64 view_bytes = 0;

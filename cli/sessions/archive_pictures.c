@@ -8,14 +8,16 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_WIDE   512 /* maximum width of a picture in pixels, reached by averaging pixels */
-#define WIDE       160 /* minimum width of a picture in pixels, reached by repeating pixels */
+/* Maximum width of a picture in pixels. A wider picture is reduced by averaging pixels. */
+#define MAX_WIDE 512
+/* Minimum width of a picture in pixels. A narrower picture is enlarged by repeating pixels. */
+#define WIDE       160
 #define FRAME_WIDE 320 /* maximum width of a photograph in pixels */
 #define MAX_FRAMES 32  /* maximum number of cameras with a photograph */
 #define ELEVATIONS 3
 #define LIGHTS     3
 #define BRIGHT     0.99 /* share of the values that are not clipped */
-#define SEEN_DEG   30.0 /* minimum angle between the elevations that are shown */
+#define SEEN_DEG   30.0 /* minimum difference between the polar angles that are shown */
 #define COLOURS    3
 
 /* R, G, B of a picture, height × width × 3, linear. Values of top or more become white. */
@@ -69,8 +71,8 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Returns the quantile of n values at a share, but at least 1e-6. Values that are not finite are
- * left out. Returns 1 if no value is finite. */
+/* Returns the value below which the given share of n values lies, but at least 1e-6. Values that
+ * are not finite are left out. Returns 1 if no value is finite. */
 static float quantile(const float *values, gsize n, double share) {
     g_autofree float *sorted = g_new(float, n + 1);
     gsize found = 0;
@@ -83,8 +85,8 @@ static float quantile(const float *values, gsize n, double share) {
     return MAX(sorted[(gsize)(share * (double)(found - 1))], 1e-6F);
 }
 
-/* Adds a frame's mosaic or planes as grey, averaged over squares of pixels. Adds nothing if the
- * file cannot be read. */
+/* Adds a frame as a grey picture. Each pixel of the picture is the mean over a square of pixels of
+ * the frame, and over its planes if it has several. Adds nothing if the file cannot be read. */
 static void add_frame(struct archive *archive, const struct session_shot *shot,
                       const struct session_frame *frame) {
     g_autofree char *path = g_build_filename(archive->path, frame->path, NULL);
@@ -92,7 +94,8 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
     const struct exr_part *part = file && file->parts->len ? file->parts->pdata[0] : NULL;
     if (!part)
         return;
-    /* A square of an even number of pixels has each colour of a mosaic equally often. */
+    /* The side of a square is even, so that each colour of a mosaic occurs equally often in the
+     * square. */
     const int square = MAX(2, 2 * ((part->width + 2 * FRAME_WIDE - 1) / (2 * FRAME_WIDE)));
     const struct shown shown = {part->width / square, part->height / square,
                                 g_new0(float, (gsize)COLOURS *(gsize)(part->width / square + 1) *
@@ -119,8 +122,8 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
     g_free(shown.rgb);
 }
 
-/* Adds the first lamp frame of each camera. If there are more than MAX_FRAMES cameras, adds that of
- * every second, third, … camera. */
+/* Adds the first lamp frame of each camera. If there are more than MAX_FRAMES cameras, only every
+ * second, third, … camera is used. */
 static gboolean add_frames(struct archive *archive, Session *session, GError **error) {
     const int n_cameras = archive->calibration ? archive->calibration->rig.n_cameras : 0;
     const int every = MAX(1, (n_cameras + MAX_FRAMES - 1) / MAX_FRAMES);
@@ -161,9 +164,9 @@ static const struct session_direction *nearest(const GPtrArray *directions, doub
     return best;
 }
 
-/* Adds a table of pictures. Each row has one polar angle of the view, each column one of the light.
- * View and light are on opposite sides of the normal. All pictures have the same scale of
- * brightness. */
+/* Adds pictures of the BTF. They form a table: in each row the polar angle of the view is the same,
+ * and in each column that of the light. View and light are on opposite sides of the normal. All
+ * pictures have the same scale of brightness. */
 static gboolean add_btf(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) views = session_views(session, error);
     g_autoptr(GPtrArray) lights = views ? session_lights(session, error) : NULL;
@@ -181,7 +184,9 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
         g_autofree char *path =
             view ? g_strdup_printf("%s/products/btf/view_%04d.exr", archive->path, view->index)
                  : NULL;
-        gboolean again = FALSE; /* if there are few directions, one may be the nearest repeatedly */
+        /* TRUE if this pair was shown before; with few directions, the same one may be the nearest
+         * several times */
+        gboolean again = FALSE;
         for (int i = 0; path && i < n_shown; i++)
             again = again || shown_pairs[i] == ((gint64)view->index << 32 | light->index);
         if (!path || again || !g_file_test(path, G_FILE_TEST_EXISTS) ||
@@ -196,7 +201,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
     return TRUE;
 }
 
-/* Adds the distances of the steepest view: near ones are bright, unknown ones blue. */
+/* Adds the distances of the steepest view. Near texels are bright, and unknown ones are blue. */
 static gboolean add_mdf(struct archive *archive, Session *session, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     g_autoptr(GPtrArray) views = session_views(session, error);

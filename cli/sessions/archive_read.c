@@ -11,10 +11,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Views whose elevations differ by less than this are one ring. */
+/* Views whose polar angles differ by less than this form one ring. */
 #define SAME_RING_DEG 1.0
-/* Limits of shares and ratios. A check gives a warning above …_WARN, and fails above …_FAIL. Only
- * for MEASURED_WARN, the warning is given below the limit. */
+/* Limits of shares and ratios. A check gives a warning above …_WARN, and fails above …_FAIL.
+ * MEASURED_WARN is different: the warning is given below it. */
 #define RETAKES_WARN     0.01
 #define LATE_WARN        1.25
 #define HOLES_WARN       0.01
@@ -112,10 +112,10 @@ static char *described(const Config *conf, const char *key) {
     return g_strdup(value ? value : "");
 }
 
-/* Reads the calibration that the products were made with, which may differ from that of the
- * capture. Adds checks of the age of each part, of the parts that are not calibrated, and of
- * products that may have been made with another calibration. Does nothing for a session that was
- * imported as a finished BTF or resampled. */
+/* Reads the calibration with which the products were made. It may differ from that of the capture.
+ * Adds checks of the age of each part, of the parts that are not calibrated, and of products that
+ * may have been made with another calibration. A session that was resampled, or imported as a
+ * finished BTF, has no calibration; nothing is then read or added. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
     g_autofree char *own = session_text(session, "calibration.conf", error);
@@ -172,7 +172,7 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     g_autofree char *rig_text = conf_text ? session_text(session, "rig.conf", error) : NULL;
     if (!rig_text)
         return FALSE;
-    /* The texts of an imported session need not be such files. conf or rig is then NULL. */
+    /* An imported session need not have a session file and a rig file. conf or rig is then NULL. */
     g_autoptr(Config) conf = config_parse(conf_text, "session.conf", NULL);
     g_autoptr(Config) rig = config_parse(rig_text, "rig.conf", NULL);
     archive->sample = described(conf, "sample");
@@ -260,8 +260,8 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
     archive->lights = length_of(session_lights(session, NULL));
     archive->lasers = length_of(session_lasers(session, NULL));
     g_autofree char *state = session_value(session, "state");
-    /* No process captures into the session, so a session whose state is "running" was interrupted.
-     */
+    /* No process is capturing the session now. If its state is "running", the capture was
+     * interrupted. */
     archive->state = g_strdup(archive->planned == 0                     ? "done"
                               : !state || g_str_equal(state, "running") ? "unfinished"
                                                                         : state);
@@ -298,8 +298,8 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Reads the BTF's flags and error bars, ring by ring. Adds failed checks if views cannot be read or
- * are missing, and checks of the shares of holes and lower bounds. */
+/* Reads the BTF's flags and error bars into the rings. Adds a failed check if views cannot be read
+ * or are missing. Adds checks of the shares of holes and lower bounds. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
     int unreadable = 0, made = 0;
@@ -360,9 +360,8 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
 }
 
 /* Adds two shares of the MDF's texels to each ring: those that the view measured, and those that
- * other views supply. Adds a check of both shares together, or a failed check if a session of
- * sweeps has no MDF. Returns FALSE with an error if the MDF cannot be read, or if the work is
- * cancelled. */
+ * other views supply. Adds a check of their sum. If a session of sweeps has no MDF, adds a failed
+ * check. Returns FALSE with an error if the MDF cannot be read, or if the work is cancelled. */
 static gboolean read_mdf(struct archive *archive, const struct work *work, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {

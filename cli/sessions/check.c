@@ -1,5 +1,5 @@
-/* check: checks whether a measurement is plausible: energy, reciprocity, and agreement of the views
- * on the surface. */
+/* check: checks whether a measurement is plausible. It compares energy, reciprocity, and whether
+ * the views agree on the surface. */
 #include "check.h"
 #include "base/data_error.h"
 #include "base/plural.h"
@@ -15,8 +15,8 @@
 
 static char *plot_option;
 
-/* Returns whether the folder contains views. In a session of sweeps only, the folder exists without
- * views. */
+/* Returns whether the folder contains views. If a session has only sweeps, the folder exists
+ * without views. */
 static gboolean has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     const char *name;
@@ -143,8 +143,8 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
         record_say(to, "laser light  %s\n", warning);
 }
 
-/* Reports the error bars. too_long is the advice on the exposures, or NULL. If there is such
- * advice, longer exposures are not suggested. */
+/* Reports the error bars. too_long is advice to change the exposures that was printed before, or
+ * NULL. After such advice, longer exposures are not suggested. */
 static void tell_sigma(Record *to, const char *path, const char *too_long) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(path, &sigma);
@@ -160,8 +160,8 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
         return;
     }
     record_int(to, "sigma_worse", sigma.worse);
-    /* If most pictures have large error bars, this is not a warning, because it is so in every
-     * session of a fine structure. */
+    /* If most pictures have large error bars, this is told without a warning, because it is so in
+     * every session of a fine structure. */
     if (2 * sigma.large > sigma.known)
         record_say(to,
                    "  in %d of %d pictures σ is more than %.0f %% of half of the values: %s reduce "

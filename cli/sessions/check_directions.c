@@ -47,7 +47,8 @@ gboolean check_directions(const struct btf_matrix *btf, struct check_directions 
     }
     if (g_error_matches(refused, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
         g_propagate_error(error, g_steal_pointer(&refused));
-    } else if (refused) { /* directions below the horizon cannot be interpolated */
+        /* this also happens with directions below the horizon, which cannot be interpolated */
+    } else if (refused) {
         *ret = (struct check_directions){0};
         ok = TRUE;
     }

@@ -1,13 +1,15 @@
 /*
- * Finds mistakes in the input of a BTF or an MDF from the product only: values that no material
- * has.
+ * Finds mistakes in the input of a BTF or an MDF: it looks in the product for values that no
+ * material has.
  *
- * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each possible mistake is
- * undone, and the asymmetry s is compared. Let a and b be this mean for two pairs of directions in
- * which view and light are exchanged. Then s = √(Σ (a − b)² / Σ ((a + b)/2)²). s is computed for
- * the values B, for B − p with the p that minimises Σ (a − b)², and for B^(1/2.2) and B^2.2, which
- * are close to undoing sRGB in either direction. Only pairs with different polar angles show such a
- * mistake.
+ * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Let a and b be this mean for
+ * two pairs of directions in which view and light are exchanged. Their asymmetry, over all such
+ * pairs, is
+ *   s = √(Σ (a − b)² / Σ ((a + b)/2)²).
+ * Each possible mistake is undone, and s is compared with that of the values B:
+ * - a wrong black level: B − p, with the p that minimises Σ (a − b)²,
+ * - wrong tones: B^(1/2.2) and B^2.2, which are close to undoing sRGB in either direction.
+ * Only pairs with different polar angles show such a mistake.
  */
 #include "check.h"
 
@@ -21,7 +23,7 @@
 
 #define MIN_COS      0.05 /* minimum difference of cos θ within a pair */
 #define MIN_PAIRS    6
-#define MIN_SKEW     0.05 /* an asymmetry s below this does not indicate a mistake */
+#define MIN_SKEW     0.05 /* an asymmetry s below this counts as no mistake */
 #define BETTER       4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
 #define DISPLAY      2.2
 #define MAX_ALBEDO   1.05
@@ -29,16 +31,19 @@
 #define MIN_ALBEDO   0.002 /* the blackest paints have more */
 #define MIN_SEEN     0.3
 /* Maximum part of the texels that the laser shows above the reference plane. */
-#define MAX_ABOVE  0.01
-#define DEAD       0.03 /* part of a view's upper quartile below which a picture has no light */
-#define MIN_LIGHTS 4    /* views with fewer lights have no quartile, which DEAD needs */
-#define FEW_NAMES  4    /* maximum number of dark lights that are named */
+#define MAX_ABOVE 0.01
+/* If the mean of a picture is below this part of the upper quartile of its view, the picture counts
+ * as dark. */
+#define DEAD 0.03
+/* A view with fewer lights is not used for DEAD, because it has no quartile. */
+#define MIN_LIGHTS 4
+#define FEW_NAMES  4 /* maximum number of dark lights that are named */
 #define ROWS       256
 
 enum tone { AS_IS, ENCODED, DECODED, TONES };
 
-/* two pairs of a view and a light, with view and light exchanged, as indices into view × light
- */
+/* Two pairs of directions in which view and light are exchanged. one and other are their indices in
+ * views × lights. */
 struct exchanged {
     int one, other;
     double cos_one, cos_other; /* cos θ of the light of each pair */
@@ -73,8 +78,8 @@ static GArray *find_exchanged(const struct btf_layout *layout) {
     return pairs;
 }
 
-/* Returns the means over texels of the luminance to the power of 1, 1/2.2 and 2.2: TONES × view ×
- * light values. Returns NULL on error. */
+/* Returns means over texels of the luminance to the power of 1, 1/2.2 and 2.2. The array has TONES
+ * × views × lights values. Returns NULL with an error on failure. */
 static double *find_means(const struct btf_matrix *btf, GError **error) {
     static const double power[TONES] = {1, 1 / DISPLAY, DISPLAY};
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
@@ -100,7 +105,7 @@ static double *find_means(const struct btf_matrix *btf, GError **error) {
     return g_steal_pointer(&means);
 }
 
-/* Returns the asymmetry s of the values after the pedestal is subtracted from each of them. */
+/* Returns the asymmetry s of the values after `pedestal` is subtracted from each of them. */
 static double asymmetry(const GArray *pairs, const double *values, double pedestal) {
     double differences = 0, squares = 0;
     for (guint i = 0; i < pairs->len; i++) {
@@ -113,8 +118,9 @@ static double asymmetry(const GArray *pairs, const double *values, double pedest
     return squares > 0 ? sqrt(differences / squares) : 0;
 }
 
-/* Returns the pedestal p = Σ (a − b) w / Σ w² that minimises Σ (a − b − p w)², where w = 1/cos θ_a
- * − 1/cos θ_b and θ_a, θ_b are the polar angles of the lights of the two pairs. */
+/* Returns the pedestal p that minimises Σ (a − b − p w)², which is p = Σ (a − b) w / Σ w². a and b
+ * are the values of two pairs divided by cos θ_a and cos θ_b. θ_a and θ_b are the polar angles of
+ * the lights of the two pairs, and w = 1/cos θ_a − 1/cos θ_b. */
 static double best_pedestal(const GArray *pairs, const double *values) {
     double up = 0, down = 0;
     for (guint i = 0; i < pairs->len; i++) {
@@ -161,10 +167,12 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
             DISPLAY, 100 * decoded, 100 * is);
 }
 
-/* Finds lights that are dark in all views: B(v, l) / cos θ_l, the mean over texels, is below DEAD
- * times the upper quartile over the lights of the view. Half of the lamps may be dead. Each view
- * has its own quartile, because a glossy dark material is dark except under the lights that it
- * mirrors. An import may have reported dark pictures already. */
+/* Finds lights that are dark in all views. A light is dark in a view if the mean over texels of
+ * B(v, l) / cos θ_l is below DEAD times the upper quartile of this mean over all lights of the
+ * view. With the upper quartile, up to half of the lamps may be dead. Each view has its own
+ * quartile, because a glossy dark material is dark except under the lights that it mirrors.
+ *
+ * Does nothing if an import has already reported dark pictures. */
 static void suspect_dead_lights(const struct btf_layout *layout, const double *means,
                                 GPtrArray *ret) {
     const gsize n_lights = layout->lights.n;
@@ -218,7 +226,8 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
     suspect_tones(pairs, means, btf->layout.views.n * btf->layout.lights.n, ret);
     if (ret->len == before)
         suspect_dead_lights(&btf->layout, means, ret);
-    if (ret->len > before) /* wrong tones and dark pictures make wrong energies */
+    /* the energies are not checked, because wrong tones and dark pictures make them wrong */
+    if (ret->len > before)
         return TRUE;
     if (energy->largest_albedo > MAX_ALBEDO)
         suspect(ret,

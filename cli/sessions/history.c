@@ -21,7 +21,7 @@ static const struct colour kinds[] = {[SHOT_DARK] = {0.35, 0.36, 0.40},
                                       [SHOT_SWEEP] = {0.80, 0.20, 0.27}};
 static const struct colour rest = {0.72, 0.73, 0.75};
 
-struct take { /* a captured shot, with the time of its last frame */
+struct take { /* a captured shot, and the time at which its last frame was taken */
     double end_s;
     const struct session_shot *shot;
 };
@@ -39,8 +39,8 @@ static int by_time(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Collects one take for each captured shot, with the time of its last frame, and sorts them by
- * time. The rows of frames are sorted by shot, so the frames of a shot are adjacent. */
+/* Makes one take for each captured shot, with the time of its last frame. Sorts the takes by time.
+ * The frames of a shot are adjacent, because the rows of frames are sorted by shot. */
 static void collect_takes(struct history *h) {
     guint s = 0;
     h->takes = g_array_new(FALSE, FALSE, sizeof(struct take));
@@ -80,7 +80,7 @@ static void draw_line(const struct history *h, double x0, double y0, double x1, 
     cairo_stroke(h->cr);
 }
 
-/* Draws the time axis of a panel, with a step that gives at most about MAX_TICK marks. */
+/* Draws the time axis of a panel with at most about MAX_TICK marks. */
 static void draw_time(const struct history *h, double top, double bottom, gboolean labels) {
     static const int steps[] = {1,   2,   5,    10,   15,   30,    60,    120,   300,
                                 600, 900, 1800, 3600, 7200, 14400, 28800, 86400, 604800};
@@ -136,8 +136,7 @@ static void draw_progress(const struct history *h, double top, double bottom) {
     cairo_set_line_width(h->cr, 1);
 }
 
-/* Marks warnings and errors at their times. Their texts are in the list that `mesorig info`
- * prints. */
+/* Marks warnings and errors at their times. `mesorig info` lists their texts. */
 static void draw_events(const struct history *h, double top, double bottom) {
     for (guint i = 0; i < h->events->len; i++) {
         const struct session_event *event = h->events->pdata[i];
@@ -171,8 +170,9 @@ static void draw_angles(const struct history *h, double top, double bottom) {
     }
 }
 
-/* Returns the time when the axes were last homed between two takes, or from_s if they were not. The
- * time between from_s and that homing was lost on a shot that a fault or an abort interrupted. */
+/* Returns the time at which the axes were last homed between from_s and to_s. Returns from_s if
+ * they were not homed. The time before this homing was lost, because a fault or an abort had
+ * interrupted a shot. */
 static double homed_s(const struct history *h, double from_s, double to_s) {
     double at_s = from_s;
     for (guint i = 0; i < h->events->len; i++) {

@@ -24,11 +24,12 @@
 
 struct counts {
     int planned, done, skipped, frames, retakes, views, lights, lasers;
-    int sweeps, sweeps_left_out, lamps, lamps_left_out; /* shots that were done or left out */
+    /* numbers of sweeps and of lamp shots that were done, and that were left out */
+    int sweeps, sweeps_left_out, lamps, lamps_left_out;
     gint64 bytes;
 };
 
-/* Returns the length of an array, and releases the array. */
+/* Returns the length of an array, and releases one reference of it. */
 static int length_of(GPtrArray *array) {
     const int n = array ? (int)array->len : 0;
     g_clear_pointer(&array, g_ptr_array_unref);
@@ -93,7 +94,7 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
     return marks;
 }
 
-/* Prints how many pictures the capture left out, and how well the others predict them. */
+/* Prints how many pictures the capture left out, and with which error the others predict them. */
 static void tell_prediction(Record *to, Session *session) {
     struct prediction_known known;
     prediction_product_read(session, &known);
@@ -141,7 +142,7 @@ static void tell_products(Record *to, const char *directory) {
                    PLURAL(n_views, "view"), view_bytes);
 }
 
-/* Reports only medians. `mesorig check` reports which pictures are worse. */
+/* Reports the medians of the error bars. `mesorig check` also reports which pictures are worse. */
 static void tell_sigma(Record *to, const char *directory) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(directory, &sigma);
@@ -152,7 +153,7 @@ static void tell_sigma(Record *to, const char *directory) {
                   sigma.median, sigma.relative, sigma.known, sigma.lights);
 }
 
-/* Prints the calibration of the products, or the calibration that they would be made with. */
+/* Prints the calibration with which the products were made, or would be made. */
 static gboolean tell_calibration(Record *to, Session *session, GError **error) {
     struct archive_calibration with;
     g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
@@ -180,8 +181,8 @@ static void tell_events(Record *to, const GPtrArray *events) {
     record_end(to);
 }
 
-/* Prints how many sweeps [lasers] stop = covered left out, and the share of the surface that is
- * known. */
+/* Prints how many sweeps were left out by [lasers] stop = covered, and the share of the surface
+ * that is known. */
 static void tell_sweeps(Record *to, Session *session, const struct counts *counts) {
     g_autofree char *known = session_value(session, ADAPTIVE_KNOWN_PCT);
     g_autofree char *worst = session_value(session, ADAPTIVE_WORST_PCT);
@@ -198,8 +199,8 @@ static void tell_sweeps(Record *to, Session *session, const struct counts *count
                g_ascii_strtod(worst, NULL));
 }
 
-/* Prints how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
- * are expected to be predicted. */
+/* Prints how many lamp shots were left out by [lights] sampling = adaptive, and the expected error
+ * of their predicted pictures. */
 static void tell_lamps(Record *to, Session *session, const struct counts *counts) {
     g_autofree char *expected = session_value(session, ADAPTIVE_ERROR_PCT);
     g_autoptr(GHashTable) rounds = session_values(session, ADAPTIVE_LIGHT_ROUNDS, NULL);
@@ -275,8 +276,8 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
         return FALSE;
-    /* No process captures into the session, so a session whose state is "running" was interrupted.
-     */
+    /* No process is capturing the session now. If its state is "running", the capture was
+     * interrupted. */
     g_autofree char *stored = session_value(session, "state");
     const char *state = counts.planned == 0                         ? "done"
                         : !stored || g_str_equal(stored, "running") ? "unfinished"
@@ -297,7 +298,8 @@ static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     }
 }
 
-/* Records a part of an EXR file. If shown is set, the text for people contains the part too. */
+/* Records a part of an EXR file. If shown is TRUE, the part is also described in the text for
+ * people. */
 static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
     const char *type = part->type == EXR_HALF ? "half" : "float";
     g_autoptr(GString) channels = g_string_new(NULL);
@@ -323,7 +325,7 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
 }
 
 /* Describes an index map of `mesorig synthesize` (synthesis/index_map.h): its size, the size of its
- * sample, and the method. Returns NULL if the file lacks these attributes. g_free() */
+ * sample, and the method. Returns NULL if the file is no such map. Free the text with g_free(). */
 static char *index_map(const struct exr_file *file) {
     const struct exr_part *part = file->parts->pdata[0];
     const char *method = NULL;
@@ -345,7 +347,8 @@ static gboolean exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
-    /* Parts are stored one after the other, so a truncated file lacks data of its last part. */
+    /* Parts are stored one after the other. In a truncated file, data of the last part are
+     * therefore missing. */
     const guint n = file->parts->len;
     const struct exr_part *last = file->parts->pdata[n - 1];
     struct exr_part *part = exr_read_part(path, last->name, error);

@@ -85,9 +85,9 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* Prints the calibration that the products were made with, and returns it. If told is TRUE, the
- * session's own calibration has already been printed and is not repeated, unless some products may
- * have been made with another one. Returns NULL on error. */
+/* Prints the calibration with which the products were made, and returns it. If told is TRUE, the
+ * session's own calibration has already been printed. It is then printed again only if some
+ * products may have been made with another one. Returns NULL with an error on failure. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
@@ -101,8 +101,8 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    /* calibration is the text of a calibration, or NULL for that of the session. path is the origin
-     * of the text. */
+    /* The calibration to use instead of that of the session: its text, and the path from which the
+     * text is. Both are NULL if the session's calibration is used. */
     const char *calibration, *path;
     gboolean follow, lines_in_pictures, plain_merge, told;
     struct pipeline_result result;
@@ -153,8 +153,8 @@ int process_session(const char *directory, gboolean told, Record *to, GError **e
     return run_process(&process, to, error);
 }
 
-/* Returns the text of a calibration file. For “nominal”, returns the geometry and light of the rig
- * file with which the session was captured. */
+/* Returns the text of a calibration file. If path is “nominal”, returns the geometry and light of
+ * the rig file with which the session was captured. */
 static char *read_calibration(const char *directory, const char *path, GError **error) {
     if (!g_str_equal(path, "nominal")) {
         g_autoptr(Calibration) calibration = calibration_read(path, error);

@@ -1,5 +1,5 @@
-/* report: a page about a session, and its description as a research object for data
- * repositories. */
+/* report: writes a page about a session, and a description of the session as a research object for
+ * data repositories. */
 #include "archive.h"
 #include "base/data_error.h"
 #include "check.h"
@@ -13,8 +13,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#define ASYMMETRY_WARN 0.05 /* difference of exchanged directions, relative to the mean; RMS */
-#define REFUTED_WARN   0.01 /* share of the points seen by a view that other views refute */
+#define ASYMMETRY_WARN 0.05 /* RMS difference of exchanged directions, relative to the mean */
+/* Share of the points of a view that other views refute, because they see something else there. */
+#define REFUTED_WARN 0.01
 
 static char *output_option;
 static gboolean crate_option, no_verify_option;

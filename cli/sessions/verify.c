@@ -19,7 +19,8 @@ struct verify {
     int n_frames, n_products;
     GPtrArray *frames, *products; /* of struct session_damage */
     GPtrArray *unknown;           /* relative paths */
-    GError *not_noted; /* why damaged frames could not be recorded for mesorig resume, or NULL */
+    /* why damaged frames could not be recorded for mesorig resume; NULL if they were */
+    GError *not_noted;
 };
 
 static int by_name(gconstpointer a, gconstpointer b) {
@@ -28,9 +29,11 @@ static int by_name(gconstpointer a, gconstpointer b) {
 
 static const char *const folders[] = {"frames", "laser", "products", "products/btf", NULL};
 
-/* Returns whether a file or folder belongs to a session although the database has no row for it:
- * the database itself, locks, unfinished work, the research object's metadata, and the folder with
- * the raw pictures of a frame, which has the name of the frame. */
+/* Returns whether a file or folder belongs to the session. It does if the database has a row for it
+ * (`known`), or if it is:
+ * - the database itself, a lock, or the metadata of the research object,
+ * - a folder of the session, or a lock or unfinished work among the products,
+ * - a folder that has the name of a frame and contains the frame's raw pictures. */
 static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
     static const char *const files[] = {"session.db",   "session.db-wal",         "session.db-shm",
                                         "capture.lock", "ro-crate-metadata.json", NULL};
@@ -60,7 +63,7 @@ static void find_unknown(struct verify *verify, const char *folder, GHashTable *
     }
 }
 
-/* Gives the damaged products and the unknown files. */
+/* Finds the damaged products and the unknown files. */
 static gboolean examine(struct verify *verify, Session *session, const struct work *work,
                         GError **error) {
     g_clear_pointer(&verify->products, g_ptr_array_unref);
@@ -79,8 +82,9 @@ static gboolean examine(struct verify *verify, Session *session, const struct wo
     return TRUE;
 }
 
-/* A program that makes products writes a file shortly before its row. If such a program was at
- * work, what seems to be wrong is therefore examined again. */
+/* Examines the session until the result is final. A program that makes products writes a file
+ * shortly before the file's row in the database. While such a program is at work, files that seem
+ * to be wrong are therefore examined again, for a limited time. */
 static gboolean examine_settled(struct verify *verify, Session *session, const struct work *work,
                                 GError **error) {
     g_autofree char *lock = session_file(session, SESSION_PROCESS_LOCK);
@@ -107,7 +111,8 @@ static gboolean work_verify(const struct work *work, gpointer data, GError **err
         session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
     if (!verify->frames)
         return FALSE;
-    /* mesorig resume compares the checksums of only those frames that are recorded as damaged. */
+    /* Record the damaged frames, because mesorig resume compares checksums only of recorded
+     * frames. */
     for (guint i = 0; i < verify->frames->len && !verify->not_noted; i++) {
         const struct session_damage *damage = verify->frames->pdata[i];
         session_note_damage(session, damage->path, damage->what, &verify->not_noted);

@@ -48,10 +48,10 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->rig.guardian, TRUE);
     bus->rig.devices = devices_open(path, &failed);
     if (!bus->rig.devices) {
-        /* A device that has not answered may give light, so the guardian takes over. If another
-         * process has the device open (DEVICE_ERROR_BUSY), that process is responsible for the
-         * light. Errors of other domains are mistakes in the rig file, which are found before any
-         * device is opened. */
+        /* A device that has not answered may give light, so the guardian must make it safe. There
+         * are two cases without this danger. If another process has the device open
+         * (DEVICE_ERROR_BUSY), that process is responsible for the light. Errors of other domains
+         * are mistakes in the rig file, which are found before a device is opened. */
         const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->rig.guardian,
                      failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);

@@ -8,16 +8,16 @@
 
 #define ACTION(name) "org.mesorig.rig." name
 
-/* Largest number of questions that wait for polkit, for all clients. */
+/* Maximum number of calls of all clients about which polkit is being asked. */
 #define MAX_QUESTIONS 64
 
-/* Time to wait for polkit's answer: ANSWER_S, or INTERACTION_S if polkit may show a dialog in which
- * the user types a password. */
+/* Time in seconds to wait for polkit's answer. It is INTERACTION_S if polkit may show a dialog in
+ * which the user types a password, otherwise ANSWER_S. */
 #define ANSWER_S      25
 #define INTERACTION_S 120
 
-/* Every method of etc/org.mesorig.Rig1.xml. acts is TRUE if the method gives light, moves an axis
- * or begins a session. Such a method is refused while the rig is held in its safe state. */
+/* The methods of etc/org.mesorig.Rig1.xml. acts is TRUE if a method gives light, moves an axis or
+ * begins a session. Such a method is refused while the safe state is latched (bus_latch.h). */
 static const struct {
     const char *method, *action;
     gboolean acts;
@@ -40,7 +40,7 @@ static const struct {
     {"QueueMove", ACTION("capture"), FALSE},
     {"QueuePause", ACTION("capture"), FALSE},
     {"QueueResume", ACTION("capture"), TRUE},
-    /* Switching a lamp off is always allowed, without a question. */
+    /* Switching a lamp off is always allowed, and polkit is not asked. */
     {"SetLamp", ACTION("move"), TRUE},
     {"MoveAxis", ACTION("move"), TRUE},
     {"HomeAxis", ACTION("move"), TRUE},
@@ -51,7 +51,7 @@ static const struct {
 };
 
 struct question {
-    /* NULL if the question was stopped and its call has been answered */
+    /* NULL if the question was stopped; its call has then been answered */
     struct bus_authority *authority;
     GDBusMethodInvocation *invocation;
     const char *action;
@@ -71,8 +71,8 @@ const char *bus_authority_action(const char *method, gboolean *ret_known) {
     return NULL;
 }
 
-/* Returns whether a call only switches a light off. Such a call is always allowed, because it must
- * not wait for an answer of polkit, which may hang. */
+/* Returns whether a call only switches a light off. Such a call is always allowed. It must not wait
+ * for an answer of polkit, because polkit may hang. */
 static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     gboolean on = TRUE;
@@ -82,8 +82,8 @@ static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     return !on;
 }
 
-/* If a call may not begin because of the safe state, answers the call with an error and returns
- * TRUE. */
+/* If the safe state forbids a call, answers the call with an error and returns TRUE. Otherwise
+ * returns FALSE. */
 static gboolean refuse_latched(struct bus_authority *authority, GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     GError *error = NULL;
@@ -113,7 +113,8 @@ const struct bus_caller *bus_authority_caller(GDBusMethodInvocation *invocation)
     return g_object_get_data(G_OBJECT(invocation), "caller");
 }
 
-/* Passes a call to the handlers of bus_calls.c, as the skeleton made by gdbus-codegen does. */
+/* Passes a call to its handler in bus_calls.c, in the same way as the code that gdbus-codegen has
+ * made. */
 static GDBusInterfaceVTable *codegen_vtable(BusRig1 *object);
 static void pass_on(GDBusMethodInvocation *invocation) {
     BusRig1 *object = g_dbus_method_invocation_get_user_data(invocation);
@@ -164,9 +165,11 @@ static gboolean question_late(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Ends a question and frees it. If allowed is TRUE, passes the call on, unless the rig is held
- * in its safe state meanwhile: the call is then refused. If allowed is FALSE, answers the call
- * with error. Takes ownership of error. Does not answer if the question was stopped. */
+/* Ends a question and frees it. Takes ownership of error. The call is then handled as follows:
+ * - If allowed is TRUE, the call is passed on. If the safe state was latched meanwhile, the call is
+ *   refused instead.
+ * - If allowed is FALSE, the call is answered with error.
+ * - If the question was stopped, nothing is done, because the call has been answered. */
 static void question_end(struct question *question, gboolean allowed, GError *error) {
     if (question->authority) {
         g_ptr_array_remove(question->authority->questions, question);
@@ -192,7 +195,7 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
         return;
     }
     const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
-    /* The call of a question that was stopped has been answered. */
+    /* If the question was stopped, its call has been answered. */
     if (!question->authority) {
         question_end(question, FALSE, error);
         return;

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Returns the three permission bits that apply to the caller: those of the owner, the group, or
- * others. */
+/* Returns the three permission bits (read, write, execute) that apply to the caller: those of the
+ * owner, of the group, or of others. */
 static guint caller_rights(const struct bus_caller *caller, const struct stat *info) {
     if (caller->uid == info->st_uid)
         return (guint)(info->st_mode >> 6) & 7;

@@ -1,5 +1,5 @@
-/* A user who calls a method, with the user's groups, and the user's rights to a folder. Any thread
- * may call the function. */
+/* A user who calls a method, with the user's groups. The function checks the user's rights to a
+ * folder. Any thread may call it. */
 #pragma once
 
 #include <glib.h>
@@ -12,11 +12,14 @@ struct bus_caller {
     int n_groups;
 };
 
-/* Returns TRUE if the caller may make or change files in the folder. If the folder does not exist
- * yet, the caller must have the right to make it: each folder of the path must let the caller pass,
- * and the last one that exists must let the caller write. Owner, group and mode decide. Access
- * control lists are not read. In a folder with such a list, the mode shows the mask of the list as
- * the rights of the group. The daemon needs this check because it has more rights than its callers.
- * The error is BUS_ERROR_DENIED; its message names the folder. */
+/* Returns TRUE if the caller may make or change files in the folder. Otherwise returns FALSE with
+ * BUS_ERROR_DENIED; the message names the folder. The daemon needs this check because it has more
+ * rights than its callers.
+ *
+ * If the folder does not exist yet, the caller must have the right to make it: each folder of the
+ * path must let the caller pass, and the last one that exists must let the caller write.
+ *
+ * Owner, group and mode of the folders decide. Access control lists are not read. In a folder with
+ * such a list, the mode shows the mask of the list as the rights of the group. */
 gboolean bus_caller_may_write(const struct bus_caller *caller, const char *directory,
                               GError **error);

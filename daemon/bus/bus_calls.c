@@ -179,7 +179,8 @@ static gboolean on_begin_recording(BusRig1 *object, GDBusMethodInvocation *invoc
     return TRUE;
 }
 
-/* Sends the text as a file without a name, because a message bus limits the size of messages. */
+/* Sends the text in an unnamed temporary file, because a message bus limits the size of
+ * messages. */
 static gboolean on_end_recording(BusRig1 *object, GDBusMethodInvocation *invocation,
                                  GUnixFDList *list, Bus *bus) {
     g_autofree char *text = recording_end();

@@ -5,7 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#define LONGEST_FOLDER  80    /* bytes; the path of a socket in the folder has at most 107 */
+/* maximum length in bytes; the path of a socket in the folder has at most 107 bytes */
+#define LONGEST_FOLDER  80
 #define CONNECT_WAIT_MS 15000 /* a mesorigd on a busy computer may need several seconds */
 #define UNIX_PATH       "unix:path="
 
@@ -104,7 +105,7 @@ static void on_cancelled(GCancellable *caller, gpointer stop) {
     g_cancellable_cancel(stop);
 }
 
-/* Returns the error that is shown instead of why. GLib's error why names neither the address nor a
+/* Returns the error to show in place of GLib's error `why`, which names neither the address nor a
  * remedy. */
 static GError *explain(const struct attempt *attempt, const GError *why) {
     const char *address = attempt->address;

@@ -4,10 +4,12 @@
 #include "rig/devices.h"
 #include "session/session.h"
 
-/* Returns the devices as "a(ssss)": class, name, driver, health. faults maps the name of a device
- * to its fault. unsafe maps class and name ("laser top") to the state that the device has not
- * confirmed. Keys and values are char *. If devices is NULL, the list is empty. The result is
- * floating. */
+/* Returns the devices as "a(ssss)": class, name, driver, health. The result is floating. If devices
+ * is NULL, the list is empty.
+ *
+ * Keys and values of the two tables are char *. faults maps the name of a device to its fault.
+ * unsafe maps class and name, such as "laser top", to the state that the device has not
+ * confirmed. */
 GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe);
 
 /* Return the values of the properties Pose and Places. shot is the last shot, or NULL if no shot

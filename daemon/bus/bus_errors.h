@@ -11,25 +11,28 @@ enum bus_error {
     BUS_ERROR_NO_RIG,     /* no rig is open */
     BUS_ERROR_NO_SESSION, /* nothing is being captured */
     BUS_ERROR_BAD_PATH,   /* a path is not absolute */
-    /* No device or option has that name, an option has the wrong type, or a resumed session is
-     * given another calibration. */
+    /* There is no device or option of that name, an option has the wrong type, or another
+     * calibration is given for a session that is resumed. */
     BUS_ERROR_UNKNOWN,
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
-    BUS_ERROR_FAILED,     /* any other error, and errors of a domain without a name on the bus */
+    /* any other error; also an error of a domain that has no names on the bus */
+    BUS_ERROR_FAILED,
     /* A limit of time, memory or waiting calls was reached; the message says which. */
     BUS_ERROR_LIMIT,
-    BUS_ERROR_CANCELLED, /* another call or event has ended the operation; the message says which */
-    BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */
+    /* another call or an event has ended the operation; the message says which */
+    BUS_ERROR_CANCELLED,
+    /* the safe state is latched: SafeState was called, and Release has not been called since */
+    BUS_ERROR_LATCHED,
     /* the caller has no right to make this call, or polkit has given no answer */
     BUS_ERROR_DENIED,
 };
 
-/* Registers the names of all error domains that cross the bus. A GError is then transferred with a
+/* Registers the names of all error domains that are sent over the bus. A GError is then sent with a
  * name such as org.mesorig.Error.SessionLocked, and arrives with its domain and code. Daemon and
- * client call it once. Further calls have no effect. */
+ * client call the function once. Further calls have no effect. */
 void bus_errors_register(void);
 
-/* Returns an error that D-Bus can carry: the given error if its domain has names, otherwise
- * BUS_ERROR_FAILED with the same message. Takes ownership of the given error. The caller owns the
- * returned error. */
+/* Returns an error that can be sent over the bus. If the domain of `error` has names on the bus,
+ * `error` itself is returned, otherwise a BUS_ERROR_FAILED with the same message. Takes ownership
+ * of `error`. The caller owns the result. */
 GError *bus_errors_wrap(GError *error);

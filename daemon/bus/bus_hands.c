@@ -17,8 +17,8 @@
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device in use by hand: a call waits for the device, the device gives light, or the device is
- * being switched off or stopped. */
+/* A device that is in use by hand. It is in use while a call waits for it, while it gives light,
+ * and while it is being switched off or stopped. */
 struct hand {
     struct bus_hands *hands;
     enum hand_kind kind;
@@ -29,12 +29,14 @@ struct hand {
     Axis *axis;
     const char *name;                  /* name of the device */
     GDBusMethodInvocation *invocation; /* the call that waits; NULL if there is none */
-    BusParked parked; /* callback of bus_hands_park(); NULL for a device that a client uses */
+    BusParked parked; /* callback of bus_hands_park(); NULL if a client uses the device */
     gpointer parked_data;
     GDBusConnection *connection; /* connection of the client */
     char *sender;                /* name of the client on a message bus, or NULL */
-    guint watch; /* calls on_vanished() when sender leaves the bus; 0 if sender is NULL */
-    /* the device was commanded off or to stop; the use ends when it has obeyed */
+    /* watch that calls on_vanished() when sender leaves the bus; 0 if sender is NULL */
+    guint watch;
+    /* The device was commanded to switch off or to stop. The use ends when the device has
+     * obeyed. */
     gboolean off_asked;
     guint lease; /* timer for the end of the lease of a lamp or laser */
     gboolean homing;
@@ -107,8 +109,8 @@ static void hand_drop(struct hand *hand) {
     bus_rig_show_devices(hands->rig);
 }
 
-/* Answers the call. The answer to MoveAxis and HomeAxis is the angle of the axis. If
- * bus_hands_park() uses the axis, calls its callback instead. */
+/* Answers the call that waits. The answer to MoveAxis and HomeAxis is the angle of the axis. If
+ * bus_hands_park() uses the axis, its callback is called instead. */
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->hands->rig->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
@@ -130,8 +132,8 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* Ends the use of a device that has failed to obey. If the device may still give light, its
- * class (drivers/lights.h) repeats the command "off" until the device confirms it. */
+/* Ends the use of a device that has not obeyed, with an error. If the device may still give light,
+ * drivers/lights.h repeats the command "off" until the device confirms it. */
 static void hand_lose(struct hand *hand, const GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -143,12 +145,12 @@ static void hand_on_warm(gpointer data) {
     hand_answer(hand);
 }
 
-/* Called when a lamp or laser has confirmed that it is on or off, and with an error if it has not
- * obeyed. */
+/* Called when a lamp or laser has confirmed that it is on or off. If it has not obeyed, called with
+ * an error. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->hands->rig->devices->clock;
     if (!on && !hand->off_asked)
-        return; /* the answer belongs to an earlier command, of SafeState for instance */
+        return; /* the answer belongs to an earlier command, such as that of SafeState */
     if (error) {
         hand_lose(hand, error);
     } else if (!on) {
@@ -161,8 +163,8 @@ static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, cons
     }
 }
 
-/* Listener of a bank. A bank has only one listener, so this function serves all lamps of the bank
- * that are in use. index is −1 if all lamps of the bank are meant. */
+/* Listener of a bank. It is called for all lamps that are in use, because a bank has only one
+ * listener. index is −1 if the event concerns all lamps of the bank. */
 static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                          gpointer data) {
     struct bus_hands *hands = data;
@@ -196,7 +198,8 @@ static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error,
     hand_drop(hand);
 }
 
-/* Sends the picture as a file without a name, because a message bus limits the size of messages. */
+/* Sends the picture in an unnamed temporary file, because a message bus limits the size of
+ * messages. */
 static void hand_answer_picture(struct hand *hand, const Frame *frame) {
     const gsize size = (gsize)frame->width * (gsize)frame->height * sizeof(guint16);
     g_autoptr(GError) error = NULL;
@@ -256,9 +259,9 @@ static void hand_listen(struct hand *hand, gboolean listen) {
         axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
 }
 
-/* Switches off or stops the device of a client. A light stays in use until it has confirmed that it
- * is off, and an axis until it stands still. The use ends at once for a camera, and for a device
- * that refuses the command. */
+/* Ends the use of a device: switches it off or stops it. A light stays in use until it has
+ * confirmed that it is off, and an axis until it stands still. The use of a camera, and of a device
+ * that refuses the command, ends at once. */
 static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
@@ -385,8 +388,9 @@ static GError *check_hand(struct bus_hands *hands, GDBusMethodInvocation *invoca
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
                            "another client has switched %s on: try again when it is off",
                            like->name);
-    /* A call that switches off may end a call that switches on and is not answered yet. It may also
-     * wait for a light that is already being switched off, if no other call waits for that. */
+    /* A call that switches off may use a light that is in use: it ends a call that switches on and
+     * is not answered yet. If the light is already being switched off, the call may wait for this
+     * too, provided that no other call waits for it. */
     const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
     if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
@@ -413,8 +417,9 @@ static struct hand *hand_new(struct bus_hands *hands, GDBusMethodInvocation *inv
     return hand;
 }
 
-/* Begins the use of a device. If that is not possible now, answers the call and returns NULL. A
- * call that switches off (off_asked) ends a call that has switched on. */
+/* Begins the use of a device. `like` describes the device and the use. If off_asked is TRUE, the
+ * call switches off, and a waiting call that switches on is ended. If the use is not possible now,
+ * answers the call with an error and returns NULL. */
 static struct hand *hand_take(struct bus_hands *hands, GDBusMethodInvocation *invocation,
                               struct hand like) {
     struct hand *hand = find_hand(hands, &like);
@@ -438,7 +443,8 @@ static struct hand *hand_take(struct bus_hands *hands, GDBusMethodInvocation *in
     return hand;
 }
 
-/* Checks that a rig is open and free. If not, answers the call and returns FALSE. */
+/* Checks that a rig is open and that nothing is captured. Otherwise answers the call with an error
+ * and returns FALSE. */
 static gboolean rig_is_free(struct bus_hands *hands, GDBusMethodInvocation *invocation) {
     GError *error = NULL;
     if (bus_rig_need_open(hands->rig, &error) && bus_jobs_need_free(hands->jobs, &error))
@@ -447,8 +453,8 @@ static gboolean rig_is_free(struct bus_hands *hands, GDBusMethodInvocation *invo
     return FALSE;
 }
 
-/* Answers the call with the error that there is no device of this name. names is the list of the
- * existing devices. */
+/* Answers the call with an error: there is no device of this name. names is the list of the
+ * existing devices, for the message. */
 static void refuse_name(GDBusMethodInvocation *invocation, const char *kind, const char *name,
                         const GString *names) {
     g_dbus_method_invocation_return_error(
@@ -461,7 +467,7 @@ static gboolean is_named(GString *names, const char *is, const char *wanted) {
     return strcmp(is, wanted) == 0;
 }
 
-/* Ends the use of a device that has refused the command. */
+/* Ends the use of a device that has refused a command, with the error. */
 static void hand_refused(struct hand *hand, GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -496,8 +502,8 @@ void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, 
         hand_refused(hand, error);
 }
 
-/* Switches a lamp or laser on or off. If the light is to be switched on, and is already on and
- * stable, only its lease begins again. */
+/* Switches a lamp or laser on or off. If the light is to be switched on and is already on and
+ * stable, only its lease is renewed. */
 static void set_light(struct bus_hands *hands, GDBusMethodInvocation *invocation, struct hand like,
                       gboolean on, double for_s) {
     GError *error = NULL;
@@ -531,7 +537,8 @@ void bus_hands_set_lamp(struct bus_hands *hands, GDBusMethodInvocation *invocati
     if (!rig_is_free(hands, invocation))
         return;
     const struct rig *rig = &hands->rig->devices->geometry;
-    for (; i < rig->n_lamps; i++) { /* a lamp on the probe is the same lamp at all of its stops */
+    /* a lamp on the probe is one lamp, although each stop of the probe has an entry */
+    for (; i < rig->n_lamps; i++) {
         rig_stop_device(rig->lamps[i].name, rig->lamps[i].on_probe, device);
         if (rig_lamp_unit(rig, i) == i && is_named(names, device, name))
             break;
@@ -565,7 +572,8 @@ void bus_hands_set_laser(struct bus_hands *hands, GDBusMethodInvocation *invocat
     set_light(hands, invocation, like, on, for_s);
 }
 
-/* Begins the use of the axis of this name. If there is none, answers the call and returns NULL. */
+/* Begins the use of the axis of this name. Returns NULL if that is not possible. The call has then
+ * been answered. */
 static struct hand *take_axis(struct bus_hands *hands, GDBusMethodInvocation *invocation,
                               const char *name) {
     g_autoptr(GString) names = g_string_new(NULL);

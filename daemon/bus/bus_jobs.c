@@ -5,12 +5,12 @@
 
 #include "bus_errors.h"
 
-/* Largest number of sessions that are checked at the same time, for all clients. */
+/* Maximum number of sessions that are checked at the same time, for all clients together. */
 #define MAX_CHECKS 4
 
 struct bus_job {
     struct bus_jobs *jobs; /* NULL if the job was stopped */
-    /* NULL if the call was answered, or if the job is for the queue */
+    /* NULL if the call has been answered, or if the job is for the queue */
     GDBusMethodInvocation *invocation;
     GCancellable *cancellable;
     enum preparer_task task;
@@ -41,7 +41,7 @@ static void answer(struct bus_job *job, GVariant *result, GError *error) {
         job->free_data(job->data);
 }
 
-/* Stops a job. The job is freed when its child has ended. */
+/* Stops a job and answers its call. The job is freed later, when its child has ended. */
 static void stop(struct bus_jobs *jobs, struct bus_job *job, const char *why) {
     take_off_list(jobs, job);
     g_cancellable_cancel(job->cancellable);

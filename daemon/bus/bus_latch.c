@@ -6,8 +6,9 @@
 
 #include <string.h>
 
-/* The main loop checks every LOOK_MS, for ANSWER_US at most, whether the devices have answered. If
- * the main loop has not answered a call after LATE_US, the thread of the latch does. */
+/* The main loop checks every LOOK_MS whether the devices have answered a SafeState, for at most
+ * ANSWER_US. Then it answers the call. If the main loop has not answered after LATE_US, the thread
+ * of the latch does. */
 #define LOOK_MS   2
 #define ANSWER_US (150 * 1000)
 #define LATE_US   (200 * 1000)
@@ -26,8 +27,8 @@ struct bus_latch {
     struct bus_rig *rig;
     void (*make_safe)(gpointer data);
     gpointer data;
-    /* Used only by the main loop: whether the devices were commanded off by a SafeState that no
-     * Release has ended yet. */
+    /* Used only by the main loop: a SafeState has commanded the devices off, and no Release has
+     * come since. */
     gboolean told;
     /* Used only by the main loop: timer that checks whether the devices have answered; NULL if no
      * call waits. */
@@ -63,8 +64,8 @@ void bus_latch_unref(gpointer latch) {
     g_atomic_rc_box_release_full(latch, latch_clear);
 }
 
-/* Answers the SafeState calls that arrived at until_us or earlier: with an error if error is set,
- * otherwise with body. body is owned by the caller, or NULL. */
+/* Answers the SafeState calls that arrived at until_us or earlier. The answer is error if it is not
+ * NULL, otherwise body, which is owned by the caller and may be NULL. */
 static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *body,
                          const GError *error) {
     for (;;) {
@@ -79,9 +80,10 @@ static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *bod
     }
 }
 
-/* Answers the calls that arrived at until_us or earlier while the main loop is busy, for instance
- * because it opens a rig. The answer says that the rig is not yet safe. The latch is set, so no
- * light is switched on meanwhile. The main loop commands the devices as soon as it is free. */
+/* Answers the SafeState calls that arrived at until_us or earlier, while the main loop is busy, for
+ * instance because it opens a rig. The answer says that the rig is not yet safe. No light is
+ * switched on meanwhile, because the latch is set. The main loop commands the devices as soon as it
+ * can. */
 static void answer_late(struct bus_latch *latch, gint64 until_us) {
     GVariantBuilder devices;
     g_variant_builder_init(&devices, G_VARIANT_TYPE("a(sss)"));
@@ -147,7 +149,7 @@ void bus_latch_close(struct bus_latch *latch) {
     bus_latch_unref(latch);
 }
 
-/* If all devices have answered, answers every waiting call. Otherwise answers only the calls that
+/* Answers every waiting call if all devices have answered. Otherwise answers only the calls that
  * have waited for ANSWER_US. */
 static gboolean on_look(gpointer data) {
     struct bus_latch *latch = data;
@@ -184,8 +186,8 @@ static void start_looking(struct bus_latch *latch) {
     on_look(latch);
 }
 
-/* Refuses all waiting SafeState calls, because without a rig there is nothing to make safe.
- * Restores the latch to its state before these calls. */
+/* Answers all waiting SafeState calls with an error, because without a rig there is nothing to make
+ * safe. Sets the latch back to its state before these calls. */
 static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     g_mutex_lock(&latch->lock);
     latch->is_set = latch->told;
@@ -193,7 +195,7 @@ static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     answer_calls(latch, G_MAXINT64, NULL, error);
 }
 
-/* Returns whether some device has not yet answered an earlier SafeState. A further SafeState then
+/* Returns whether a device has not yet answered an earlier SafeState. If so, a further SafeState
  * does not command the devices again. */
 static gboolean is_under_way(struct bus_latch *latch) {
     enum device_safety safety = DEVICE_SAFE;
