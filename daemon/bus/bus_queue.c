@@ -5,19 +5,19 @@
 
 #include <string.h>
 
-/* Maximum number of calls of one client, and of all clients, that may wait for the main loop.
- * The loop handles all waiting calls in one iteration. After a SafeState that arrives during
- * that iteration, the devices are commanded only when the iteration has ended. */
+/* Maximum number of waiting calls of one client, and of all clients together. They are limited
+ * because the main loop handles all waiting calls in one iteration. If SafeState arrives during
+ * this iteration, the devices are commanded only at its end. */
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
-/* filter() and enter() run in GDBus's thread, all other functions in the main loop's thread. The
- * lock guards of_client and n_waiting. */
+/* The lock guards of_client and n_waiting, because filter() and enter() run in GDBus's thread. All
+ * other functions run in the main loop's thread. */
 struct bus_queue {
     GMainContext *context;
     struct bus_latch *latch;
     GMutex lock;
-    GHashTable *of_client; /* maps a client to the number of its calls that wait */
+    GHashTable *of_client; /* maps a client to the number of its waiting calls */
     int n_waiting;
 };
 
@@ -66,9 +66,9 @@ static void run_soon(struct bus_queue *queue, int priority, GSourceFunc func, gp
     g_source_attach(source, queue->context);
 }
 
-/* Counts a call that arrives. Returns the number of earlier calls of the client that wait, or −1 if
- * the queue is full. The call is counted only if the result is at least 0 and less than
- * MAX_OF_CLIENT. */
+/* Counts a call that arrives, if neither its client nor the queue has too many waiting calls.
+ * Returns the number of earlier waiting calls of the client. If this number is MAX_OF_CLIENT, or if
+ * the result is −1 because the whole queue is full, the call is not counted and must be refused. */
 static int enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
     int n = GPOINTER_TO_INT(g_hash_table_lookup(queue->of_client, client));
@@ -96,10 +96,12 @@ static gboolean leave(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Counts a call until the main loop handles it, passes SafeState to the latch, and refuses a
- * call beyond the limits above. GDBus passes each call to the main loop by an idle source of the
- * default priority. leave() is queued just before, at the same priority, and therefore runs just
- * before the call. */
+/* Filters the messages of a connection. SafeState is passed to the latch. A call beyond the limits
+ * above is refused. Any other call is counted until the main loop handles it.
+ *
+ * GDBus passes a call to the main loop by an idle source of the default priority. The source of
+ * leave() has the same priority and is attached just before it. leave() therefore runs just before
+ * the call is handled. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
     struct bus_queue *queue = data;
@@ -107,8 +109,8 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         return message;
     if (bus_latch_take(queue->latch, connection, message))
         return NULL;
-    /* A client is identified by its unique bus name. A peer-to-peer client has none and is
-     * identified by its connection. */
+    /* On a message bus, a client is identified by its unique bus name. On a peer-to-peer connection
+     * there is no such name, and the client is identified by the connection. */
     const char *sender = g_dbus_message_get_sender(message);
     g_autofree char *client =
         sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);

@@ -1,7 +1,8 @@
 /*
- * The rig that is open, and who uses it. Owned by the Bus; its parts borrow it. bus.c opens and
- * closes the rig. All parts may read the members and call the functions; the comment of a member
- * says if another part sets it. All functions belong to the main loop's thread.
+ * The rig that is open, and who uses it. The struct is owned by the Bus, and the parts of the Bus
+ * borrow it. bus.c opens and closes the rig. All parts may read the members and call the functions.
+ * If another part than bus.c sets a member, the comment of the member says so. All functions belong
+ * to the main loop's thread.
  */
 #pragma once
 
@@ -19,8 +20,8 @@ struct bus_rig {
     Guardian *guardian; /* NULL if all devices are simulated */
     /* the rig is being made safe before it is closed, and no operation may begin */
     gboolean ending;
-    /* The rig has been made safe, and every device has confirmed it (DEVICE_SAFE). Whoever switches
-     * on or moves a device sets this to FALSE. */
+    /* The rig has been made safe, and every device has confirmed this (DEVICE_SAFE). Each part that
+     * switches on or moves a device sets this member to FALSE. */
     gboolean is_safe;
     gboolean holds_clock;
     const char *captured; /* session directory of the capture under way (bus_run.h), or NULL */
@@ -28,8 +29,8 @@ struct bus_rig {
     GHashTable *faults;   /* maps the name of a device to a message */
     /* Maps a device ("laser top") to the state that it has not confirmed (bus_safety.h). */
     GHashTable *unsafe;
-    /* Called when a device has become free or has confirmed that it is safe. The queue of sessions
-     * may be waiting for that. */
+    /* Called when a device has become free or has confirmed that it is safe, because the queue of
+     * sessions may be waiting for that. */
     void (*freed)(gpointer data);
     gpointer data;
 };
@@ -37,8 +38,8 @@ struct bus_rig {
 void bus_rig_init(struct bus_rig *rig, BusRig1 *object);
 void bus_rig_clear(struct bus_rig *rig);
 
-/* Returns whether a rig is open and is not being closed. Errors are BUS_ERROR_NO_RIG and
- * BUS_ERROR_BUSY. */
+/* Returns whether a rig is open and is not being closed. The error is BUS_ERROR_NO_RIG if no rig is
+ * open, and BUS_ERROR_BUSY if it is being closed. */
 gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error);
 
 /* Returns an interlock that is open, or NULL. A rig must be open. */
@@ -51,11 +52,12 @@ void bus_rig_report(struct bus_rig *rig, const char *level, const char *source,
 /* Sets the property Devices to the present state of the devices. */
 void bus_rig_show_devices(struct bus_rig *rig);
 
-/* Emits the changed properties. Call it before a method is answered, so that the client never reads
- * an old state after its call. */
+/* Sends the changed properties to the clients. Call it before a method is answered, so that the
+ * client does not read an old state after the answer. */
 void bus_rig_flush(const struct bus_rig *rig);
 
 /* If hold is TRUE, stops the clock of a simulated rig, so that its time stands still until a client
- * requests something. Otherwise lets the clock run. If the clock were never stopped, faults that
- * the rig simulates after some seconds could occur before the first call. */
+ * requests something. If hold is FALSE, lets the clock run. A simulated rig may have faults that
+ * occur after some seconds. If its clock were never stopped, such a fault could occur before the
+ * first call. */
 void bus_rig_hold_clock(struct bus_rig *rig, gboolean hold);

@@ -27,8 +27,8 @@ static void show_status(struct bus_run *run, const struct capture_status *status
     /* Remaining real time in seconds, or −1 if it is not known. */
     double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1;
     if (left_s >= 0 && clock_is_virtual(run->rig->devices->clock)) {
-        /* The clock of a simulated rig does not run at the speed of real time. The ratio is
-         * measured since the axes were homed, because homing takes no real time in a simulation. */
+        /* The clock of a simulated rig has another speed than real time. The ratio of the two is
+         * measured from the end of homing, because homing takes no real time in a simulation. */
         const double simulated_s = status->elapsed_s - run->started_elapsed_s;
         const double real_s = (double)(g_get_monotonic_time() - run->started_us) / G_USEC_PER_SEC;
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
@@ -56,7 +56,8 @@ static void show_thumbnails(struct bus_run *run) {
     for (int i = 0; i < run->rig->devices->geometry.n_cameras; i++) {
         if (now_us < run->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
             continue;
-        /* The thumbnail is made when a client asks for it. */
+        /* Only the time of the picture is read, because the thumbnail is made when a client asks
+         * for it. */
         const double time_s = capture_picture_time_s(run->capture, i);
         if (time_s < 0 || time_s == run->thumbnail_time_s[i])
             continue;
@@ -113,9 +114,9 @@ gboolean bus_run_need(const struct bus_run *run, GError **error) {
     return run->capture != NULL;
 }
 
-/* Releases the session as soon as it has ended, so that another program may resume it. Clients
- * still see its last state. An idle source calls this, because the capture must not be freed within
- * its own callback. */
+/* Releases the session soon after it has ended, so that another program may resume it. Clients
+ * still see its last state. This function is called by an idle source, because the capture must not
+ * be freed within its own callback. */
 static gboolean end_idle(gpointer data) {
     struct bus_run *run = data;
     run->end_id = 0;
@@ -141,16 +142,16 @@ static void changed(Capture *capture, gpointer data) {
     run->hooks.shown(run->hooks.data);
 }
 
-/* Shows the state every second, because the capture reports nothing while axes home or during a
- * long exposure. */
+/* Shows the state every second. The capture itself reports nothing while axes home or during a long
+ * exposure. */
 static gboolean on_tick(gpointer data) {
     struct bus_run *run = data;
     changed(run->capture, run);
     return G_SOURCE_CONTINUE;
 }
 
-/* Writes the path of the rig file into the session if the session has no such path or another one.
- * The rig file may have been moved since the session was made. */
+/* Writes the path of the rig file into the session, unless the session has this path. The session
+ * may have an older path, because the rig file may have been moved since the session was made. */
 static void remember_rig(struct bus_run *run) {
     g_autoptr(Session) session = session_open(run->directory, SESSION_PRODUCTS, NULL);
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;

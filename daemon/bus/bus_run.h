@@ -1,6 +1,6 @@
 /*
- * The capture that is under way, and its last state and pictures after it has ended. Owned by the
- * Bus. All functions belong to the main loop's thread.
+ * The capture that is under way. After it has ended, its last state and its last pictures are kept
+ * here. The struct is owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -8,7 +8,7 @@
 #include "capture/capture.h"
 #include "capture/followers.h"
 
-/* Called in the main loop's thread with the data of the hooks. */
+/* Functions that are called in the main loop's thread with the member `data`. */
 struct bus_run_hooks {
     void (*begun)(gpointer data);
     void (*changed)(const struct capture_status *status, gpointer data);
@@ -22,10 +22,12 @@ struct bus_run {
     struct bus_hands *hands; /* borrowed */
     const char *address;     /* address by which clients reach the daemon; borrowed */
     struct bus_run_hooks hooks;
-    Capture *capture;     /* NULL if no capture is running or paused */
-    char *directory;      /* directory of the session that is or was captured */
-    Followers *followers; /* sessions that are being processed; NULL before the first one */
-    /* Monotonic time when the capture began or last homed its axes. */
+    Capture *capture; /* NULL if no capture is running or paused */
+    char *directory;  /* directory of the session that is or was captured */
+    /* processing of sessions during and after their capture (followers.h); NULL before the first
+     * one */
+    Followers *followers;
+    /* Monotonic time at which the capture began or last homed its axes, in µs. */
     gint64 started_us;
     double started_elapsed_s; /* elapsed_s of the capture (capture.h) at started_us */
     guint tick_id;            /* timer that shows the time during a capture */
@@ -36,21 +38,25 @@ struct bus_run {
     struct capture_thumbnail kept[RIG_MAX_CAMERAS];
 };
 
-/* Returns whether a capture is under way. The error is BUS_ERROR_NO_SESSION. */
+/* Returns whether a capture is under way. If not, the error is BUS_ERROR_NO_SESSION. */
 gboolean bus_run_need(const struct bus_run *run, GError **error);
 
-/* Captures into a session directory that a job has made, or that a job has examined if resumed
- * is TRUE. warning is the answer of PREPARER_EXAMINE, or NULL for none. If process is TRUE, the
- * session is processed during the capture and after it, also while the next session is captured.
- * Ends all use of devices by hand. Fails if the latch of the safe state is set, if a device has not
- * confirmed that it is safe, or if capture_begin() or capture_go_on() fails. */
+/* Captures into a session directory. If resumed is FALSE, a job has made the directory
+ * (PREPARER_BEGIN). If resumed is TRUE, a job has examined it (PREPARER_EXAMINE), and warning is
+ * the answer of that job, or NULL if there is no warning. If process is TRUE, the session is
+ * processed during the capture and after it, also while the next session is captured. Ends all use
+ * of devices by hand.
+ *
+ * Returns FALSE with an error if the safe state is latched, if a device has not confirmed that it
+ * is safe, or if capture_begin() or capture_go_on() fails. */
 gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resumed,
                        const char *warning, gboolean process, GError **error);
 
 /* Ends the capture in its present state, so that it can be resumed. */
 void bus_run_end(struct bus_run *run);
 
-/* Calls bus_run_end(), ends the processing of all sessions, and forgets directory and pictures. */
+/* Ends the capture as bus_run_end() does, ends the processing of all sessions, and forgets
+ * directory and pictures. */
 void bus_run_close(struct bus_run *run);
 
 /* Returns the last thumbnail of a camera. It is owned by run and valid until the main loop runs

@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-/* Returns whether a device may now give light or move: the latch must not be set, and for a laser
- * the guardian must answer. */
+/* Returns whether a device may now give light or move. The latch must not be set. For a laser, the
+ * guardian must also answer. */
 static gboolean permits(const struct device *device, gpointer data, GError **error) {
     struct bus_rig *rig = data;
     if (!bus_latch_need_released(rig->latch, error))
@@ -22,9 +22,9 @@ static void show_unsafe(struct bus_rig *rig) {
     bus_rig_show_devices(rig);
 }
 
-/* Called when a device has not confirmed that it is safe (with the error), and when it has
- * confirmed again (error is NULL). Lets a virtual clock run until every device has confirmed,
- * because the commands are repeated on that clock. */
+/* Called with an error when a device has not confirmed that it is safe, and without an error when
+ * it has confirmed again. If the clock is virtual, it runs until every device has confirmed,
+ * because commands to unsafe devices are repeated on that clock. */
 static void on_safety(struct device *device, const GError *error, gpointer data) {
     struct bus_rig *rig = data;
     if (error) {

@@ -20,7 +20,7 @@
  * - A client that does not authenticate itself keeps a thread for ever.
  */
 
-#define RESERVED_PART 8  /* 1/8 of the descriptors is reserved for devices and files */
+#define RESERVED_PART 8  /* 1/8 of the descriptors is kept free for devices and files */
 #define MAX_CLIENTS   64 /* largest number of connections of one process */
 #define JOIN_S        10 /* time within which a client must have authenticated itself */
 /* Maximum number of descriptors that GLib opens for a client while the client authenticates itself.
@@ -34,26 +34,28 @@ struct BusServer {
     char *path, *guid, *announced;
     GDBusAuthObserver *observer;
     GSocket *socket;
-    /* Sources of the main loop, 0 if not running. `waiting` is called when a client connects.
-     * `again` is a timer that starts `waiting` again after a client could not be accepted. */
+    /* Sources of the main loop, or 0 if a source is not attached. `waiting` is called when a client
+     * connects. After a client could not be accepted, `waiting` is removed, and the timer `again`
+     * attaches it again. */
     guint waiting, again;
     GList *clients; /* of struct client */
-    gint64 said_us; /* when the log last reported that a client was refused; 0 if never */
+    gint64 said_us; /* time at which the log last got a warning from say(); 0 if never */
 };
 
 struct client {
     BusServer *server;
     pid_t pid;
     GSocketConnection *stream;
-    GDBusConnection *connection; /* set by the thread; NULL before authentication */
-    GThread *thread;             /* authenticates the client; NULL after that */
+    GDBusConnection *connection; /* set by `thread` after authentication; NULL before */
+    GThread *thread;             /* thread that authenticates the client; NULL after that */
     GSource *joined;             /* ready when the thread has finished */
     guint timer;
     gulong closed;
 };
 
-/* Allows only EXTERNAL, with which the kernel tells the user of the client. GDBus would also allow
- * authentication by a cookie in the user's home folder. */
+/* Allows only the authentication EXTERNAL, in which the kernel tells the user of the client.
+ * Without this function, GDBus would also allow authentication by a cookie in the user's home
+ * folder. */
 static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
     return strcmp(mechanism, "EXTERNAL") == 0;
 }
@@ -80,8 +82,8 @@ static void on_closed(GDBusConnection *connection, gboolean vanished, GError *er
     client_free(client);
 }
 
-/* Runs in the thread of the client. The connection handles no messages until bus_export() has put
- * the rig's object on it. */
+/* Authenticates a client, in a thread of its own. The connection handles no messages until
+ * bus_export() has put the rig's object on it. */
 static gpointer authenticate(gpointer data) {
     const GDBusConnectionFlags flags = G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
                                        G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER |
@@ -139,7 +141,7 @@ static void client_new(BusServer *server, GSocket *socket, pid_t pid) {
     server->clients = g_list_prepend(server->clients, client);
 }
 
-/* Writes a warning to the log. A warning less than a minute after the last one is left out. */
+/* Writes a warning to the log, unless the last warning is less than a minute old. */
 G_GNUC_PRINTF(2, 3)
 static void say(BusServer *server, const char *format, ...) {
     const gint64 now_us = g_get_monotonic_time();
@@ -158,7 +160,7 @@ static pid_t process_of(GSocket *socket) {
     return credentials ? g_credentials_get_unix_pid(credentials, NULL) : 0;
 }
 
-/* Returns the number of descriptors below most that are free. most is at most FD_SETSIZE, because
+/* Returns how many descriptors below `most` are free. `most` is at most FD_SETSIZE, because
  * libmodbus calls select(), which accepts no higher descriptors. */
 static int count_free_files(int most) {
     int n = 0;
@@ -202,9 +204,9 @@ static gboolean on_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Accepts a client, or refuses it by closing its connection. If the client cannot be accepted
- * because of an error, the server waits AGAIN_MS. Without that wait, the waiting connection would
- * make the main loop spin. */
+/* Accepts a client, or refuses it by closing its connection. If accepting fails, the server waits
+ * AGAIN_MS before it tries again. Otherwise the client that is still waiting would keep the main
+ * loop busy. */
 static gboolean on_client(GSocket *listener, GIOCondition condition, gpointer data) {
     BusServer *server = data;
     g_autoptr(GError) error = NULL;
@@ -230,13 +232,13 @@ static void wait_for_clients(BusServer *server) {
     g_source_unref(source);
 }
 
-/* Removes the socket at path if no process accepts connections there. Returns FALSE with an error
- * if the path is too long, belongs to another kind of file, or belongs to a socket at which a
- * process listens or may listen. Returns TRUE if nothing is at path. */
+/* Removes the socket at path if no process listens there. Returns TRUE if nothing is then at path.
+ * Returns FALSE with an error if the path is too long, if another kind of file is at the path, or
+ * if a process listens or may listen at the socket. */
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;
-    /* GLib would truncate the path and listen at another one. */
+    /* A longer path is refused, because GLib would truncate it and listen at another path. */
     if (strlen(path) >= sizeof(to.sun_path)) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_FILENAME_TOO_LONG,
@@ -255,7 +257,8 @@ static gboolean remove_stale(const char *path, GError **error) {
     strcpy(to.sun_path, path);
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     const int why = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) == 0 ? 0 : errno;
-    /* Only ECONNREFUSED says that nobody listens. A full backlog or missing rights do not. */
+    /* Only ECONNREFUSED proves that nobody listens. Other errors may have other reasons, such as a
+     * full backlog or missing rights. */
     const gboolean stale = fd >= 0 && why == ECONNREFUSED;
     if (fd >= 0)
         close(fd);

@@ -8,7 +8,7 @@
 #include "bus_safety.h"
 #include "plan/report.h"
 
-/* Largest size of a calibration in bytes, as in calibration.c. Other files have less. */
+/* Maximum size of a calibration in bytes, as in calibration.c. Other files have lower limits. */
 #define MAX_TEXT (16 << 20)
 
 /* A call about a session that waits for a child process. */
@@ -16,7 +16,7 @@ struct session_call {
     Bus *bus;
     char *directory;
     gboolean resumes, process;
-    struct queue_item *item; /* session to be added to the queue; NULL if there is none */
+    struct queue_item *item; /* session that the call adds to the queue; NULL for other calls */
 };
 
 static void session_call_free(gpointer data) {
@@ -37,8 +37,8 @@ static void refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
 }
 
-/* Answers Validate. For an invalid session, the answer lists the mistakes. If the check itself
- * failed (BUS_ERROR), the answer is that error. */
+/* Answers Validate. If the session is invalid, the answer lists the mistakes. If the check itself
+ * has failed (BUS_ERROR), the answer is the error. */
 static void on_checked(GDBusMethodInvocation *invocation, GVariant *report, GError *error,
                        gpointer data) {
     const struct session_call *call = data;
@@ -52,7 +52,8 @@ static void on_checked(GDBusMethodInvocation *invocation, GVariant *report, GErr
     g_clear_error(&error);
 }
 
-/* Answers QueueAdd. Copies the values that the queue shows from the report of the plan. */
+/* Answers QueueAdd. The values that the queue shows are copied from the report of the plan to the
+ * item. */
 static void on_checked_for_queue(GDBusMethodInvocation *invocation, GVariant *report, GError *error,
                                  gpointer data) {
     struct session_call *call = data;
@@ -98,9 +99,9 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
         bus_rig1_complete_start(bus->object, invocation);
 }
 
-/* Returns FALSE with an error if the daemon would have to read the file at path for another user,
- * because the daemon may have other rights than that user. The caller has to send the text of the
- * file. A NULL path is always allowed. */
+/* Checks that the daemon need not read the file at path for another user, because the daemon may
+ * have other rights than that user. Returns FALSE with an error if a caller who is such a user has
+ * not sent the text of the file. A NULL path is always allowed. */
 static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
                                const char *text, const char *option, GError **error) {
     if (!path || text || !bus_authority_caller(invocation))
@@ -132,10 +133,12 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
     return TRUE;
 }
 
-/* Checks the path of a calibration with which a call replaces the calibration of the rig file.
- * Fails if begins is FALSE, because a resumed session keeps its calibration, if path is not
- * absolute, or if text is NULL and no file exists at path. path is NULL if the call names no
- * calibration, which is always allowed. */
+/* Checks the path of a calibration with which a call replaces the calibration of the rig file. path
+ * is NULL if the call names no calibration, which is always allowed. Returns FALSE with an error
+ * if:
+ * - begins is FALSE, because a resumed session keeps its calibration,
+ * - path is not absolute,
+ * - text is NULL and no file exists at path. */
 static gboolean check_calibration(const char *path, const char *text, gboolean begins,
                                   GError **error) {
     if (!path)
@@ -184,8 +187,8 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     return TRUE;
 }
 
-/* Returns the text of a file for the queue to keep: given, or the contents of path if given is
- * NULL. Returns "" if path is NULL, and NULL with an error if the file cannot be read or is not
+/* Returns the text of a file that the queue keeps: `given` or, if `given` is NULL, the contents of
+ * path. Returns "" if path is NULL. Returns NULL with an error if the file cannot be read or is not
  * UTF-8. */
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)

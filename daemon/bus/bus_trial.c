@@ -9,8 +9,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Time limit of the child process, in case it hangs. Every wait within the child has a shorter
- * deadline. */
+/* Time limit of the child process in seconds, in case it hangs. Every single wait in the child has
+ * a shorter deadline. */
 #define TRIAL_S 1800
 #define PREFIX  "mesorig: "
 /* The exit code of “mesorig queue try” when a device has failed. */
@@ -85,10 +85,11 @@ static char *trial_request(const struct queue_item *item) {
     return g_key_file_to_data(request, NULL, NULL);
 }
 
-/* Returns a descriptor of a file without a name that contains the text, positioned at its
- * beginning. Returns −1 if there is no memory. A pipe is not used: if the program ended before it
- * had read all of the text, writing to the pipe would fail, and the program's answer would be
- * lost. */
+/* Returns a descriptor of an unnamed file that contains the text, positioned at its beginning.
+ * Returns −1 if there is no memory.
+ *
+ * The text is not written to a pipe. If the program ended before it had read all of the text,
+ * writing to the pipe would fail, and the answer of the program would be lost. */
 static int trial_input(const char *text) {
     const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
     const int copy = fd >= 0 ? dup(fd) : -1;

@@ -7,12 +7,13 @@
 #include "bus_safety.h"
 #include "bus_trial.h"
 
-/* Maximum number of times that a session is begun, if this program ended unexpectedly each time. */
+/* Maximum number of times that a session is begun, if this program has ended unexpectedly after
+ * each of them. */
 #define MAX_STARTS 3
-/* If this number of sessions in a row have stopped, a fault of the rig is assumed. */
+/* If this number of sessions in a row have stopped, the rig is assumed to have a fault. */
 #define MAX_STOPPED 2
 
-/* The moments of a capture that are reported to clients. */
+/* States of a capture. Clients are told when the state changes. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
 
 struct bus_unattended {
@@ -20,15 +21,16 @@ struct bus_unattended {
     struct bus_run *run;
     struct bus_jobs *jobs;
     Queue *queue; /* NULL if this daemon keeps no queue */
-    /* the item in state QUEUE_HANDS, QUEUE_TRYING or QUEUE_BEGUN; NULL if there is none */
+    /* Item in the state QUEUE_HANDS, QUEUE_TRYING or QUEUE_BEGUN, which is called the present item.
+     * NULL if there is none. */
     struct queue_item *item;
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
     gboolean has_worked; /* a session of the queue has run since the axes were last parked */
     guint n_parking;     /* number of axes that are being parked */
-    /* The state in which the rig was left when the queue became empty, or the reason why this
-     * daemon has no queue. NULL if neither applies. */
+    /* After the queue became empty: the state in which the rig was left. Without a queue: the
+     * reason why this daemon has none. Otherwise NULL. */
     char *rest;
     GString *not_parked;    /* axes that could not be parked, and the reasons */
     gboolean held_by_fault; /* the queue is paused because its session is paused by a fault */
@@ -96,8 +98,8 @@ static void show_queue(struct bus_unattended *at) {
                             at->item && at->item->state == QUEUE_HANDS ? at->item->prompt : "");
 }
 
-/* Sends the signal Milestone with the name what. item is a session of the queue. If item is NULL,
- * the milestone is about the capture under way, if there is one. */
+/* Sends the signal Milestone with the name `what`. item is the session of the queue that the signal
+ * is about. If item is NULL, the signal is about the capture under way, if there is one. */
 static void tell(struct bus_unattended *at, const char *what, const struct queue_item *item,
                  const char *message) {
     GVariantBuilder details;
@@ -135,8 +137,8 @@ static void pause_queue(struct bus_unattended *at, const char *why) {
     tell(at, "queue-paused", NULL, why);
 }
 
-/* Ends the test shots of the present item. If its capture has not begun, the item waits again, at
- * the same place of the queue. */
+/* Ends the test shots of the present item. If the capture of the item has not begun, the item waits
+ * again, at the same place of the queue. */
 static void put_back(struct bus_unattended *at) {
     g_clear_pointer(&at->trial, bus_trial_free);
     if (at->item && at->item->state != QUEUE_BEGUN) {
@@ -146,7 +148,8 @@ static void put_back(struct bus_unattended *at) {
 }
 
 /* Marks the present item as stopped, because it could not begin or could not be finished. rig is
- * TRUE if the rig has a fault, so that the next item would also stop; the queue is then paused. */
+ * TRUE if the reason is a fault of the rig. The queue is then paused, because the next item would
+ * also stop. */
 static void stop_item(struct bus_unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
@@ -166,9 +169,8 @@ static void stop_item(struct bus_unattended *at, const char *message, gboolean r
     bus_unattended_poke(at);
 }
 
-/* Puts the present item back into the queue and pauses the queue. To be used if the item could not
- * begin because of the rig, the file of the queue or a cancelled call, and not because of its
- * session. */
+/* Puts the present item back into the queue, and pauses the queue. Use this if the item could not
+ * begin for another reason than its session: the rig, the file of the queue or a cancelled call. */
 static void keep_for_later(struct bus_unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
@@ -204,7 +206,9 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
     if (result && bus_run_begin(at->run, beginning->directory, beginning->resumes,
                                 *warning ? warning : NULL, beginning->process, &error)) {
         bus_rig_flush(at->rig);
-        return; /* bus_unattended_begun() was called and has reported that the capture began */
+        /* bus_unattended_begun() was called within bus_run_begin(), and has reported that the
+         * capture began */
+        return;
     }
     if (!at->item)
         return;
@@ -235,9 +239,9 @@ static void start_job(struct bus_unattended *at, const struct queue_item *item, 
     bus_jobs_start(at->jobs, &request, NULL, on_prepared, beginning, beginning_free);
 }
 
-/* Makes the present item's session, or resumes it if the session exists. The state "begun" is on
- * disk before the capture begins, so that begun_at_s and starts survive if this program is
- * killed. */
+/* Makes the present item's session, or resumes the session if it exists. Before the capture begins,
+ * the state "begun" is written to disk. The members begun_at_s and starts therefore survive if this
+ * program is killed. */
 static void begin_item(struct bus_unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
@@ -325,16 +329,16 @@ static void on_parked(gpointer data, const GError *error) {
         rest_now(at);
 }
 
-/* Parks the rig when the queue is empty: switches lights off and moves the axes, except the sweeps
- * of lasers, to their parking positions. */
+/* Parks the rig when the queue is empty: switches lights off, and moves all axes to their parking
+ * positions. Axes that sweep lasers are not moved. */
 static void park(struct bus_unattended *at) {
     g_autoptr(GError) error = NULL;
     at->has_worked = FALSE;
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(at->rig->devices, &error))
         bus_rig_report(at->rig, "error", "queue", error->message);
-    /* Counts one more than the axes, so that n_parking does not become 0 before all axes have
-     * started. */
+    /* While the axes are started, n_parking is one too large, so that it does not become 0 before
+     * all axes have started. */
     at->n_parking = 1;
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(at->rig->devices, i);
@@ -348,8 +352,9 @@ static void park(struct bus_unattended *at) {
         rest_now(at);
 }
 
-/* Returns whether the open rig is the one for which the session was added, the rig file has not
- * changed since it was opened, and all devices are safe. If not, pauses the queue. */
+/* Returns TRUE if a session of the queue may begin. The open rig must be the one for which the
+ * session was added, the rig file must not have changed since the rig was opened, and all devices
+ * must be safe. Otherwise pauses the queue and returns FALSE. */
 static gboolean check_rig(struct bus_unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
@@ -408,11 +413,13 @@ void bus_unattended_begun(struct bus_unattended *at) {
     tell(at, "begun", ours ? at->item : NULL, "");
 }
 
-/* Handles a fault that has paused the present item's session. After a fault of the rig, pauses the
- * queue. After a fault of the session, marks the session as stopped and aborts it. */
+/* Handles a fault that has paused the present item's session. If it is a fault of the rig, the
+ * queue is paused. If it is a fault of the session, the session is marked as stopped and
+ * aborted. */
 static void take_fault(struct bus_unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
-        /* The session stays paused. The user who repairs the rig continues the session. */
+        /* The session stays paused. When the user has repaired the rig, the user continues the
+         * session. */
         g_autofree char *why =
             g_strdup_printf("session %u is paused by a fault: %s", at->item->id, status->reason);
         tell(at, "fault", at->item, status->reason);
@@ -487,7 +494,8 @@ void bus_unattended_stop(struct bus_unattended *at, const char *why) {
     if (why && (at->item || queue_next(at->queue)))
         pause_queue(at, why);
     if (!why && at->item) {
-        /* The capture is closed in an orderly way and can be resumed. */
+        /* The capture is closed in an orderly way and can be resumed, so earlier starts do not
+         * count. */
         at->item->starts = 0;
         set_item(at, at->item, QUEUE_WAITING, NULL);
         at->item = NULL;

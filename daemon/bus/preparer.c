@@ -37,9 +37,9 @@ static void child_free(gpointer data) {
     g_free(child);
 }
 
-/* Returns the path of the running program, or of the installed mesorigd if another program runs
- * this code (a test). /proc/self/exe still leads to the running program if another version has
- * replaced its file. */
+/* Returns the path of the running program mesorigd. If another program runs this code (a test),
+ * returns the path of the installed mesorigd. /proc/self/exe still leads to the running program if
+ * another version has replaced its file. */
 static char *find_program(GError **error) {
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *name = self ? g_path_get_basename(self) : NULL;
@@ -128,8 +128,8 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         g_task_return_error(task, error);
         return;
     }
-    /* for instance a broken pipe, because the child has not read the whole request; the errors
-     * below say more */
+    /* This error may be a broken pipe, because the child has not read the whole request. The errors
+     * below say more. */
     g_clear_error(&error);
     GVariant *answer = NULL;
     if (heard && g_subprocess_get_successful(child->process))
@@ -159,8 +159,8 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
                   GAsyncReadyCallback callback, gpointer data) {
     GTask *task = g_task_new(NULL, cancellable, callback, data);
     GError *error = NULL;
-    /* The child inherits all descriptors and closes them itself. Without this flag, GLib would have
-     * to close them in a fork of this process, which takes long for a large process. */
+    /* The child inherits all descriptors and closes them itself. Otherwise GLib would close them in
+     * a fork of this process, which takes long for a large process. */
     const GSubprocessFlags flags = G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
                                    G_SUBPROCESS_FLAGS_INHERIT_FDS;
     g_autofree char *program = find_program(&error);

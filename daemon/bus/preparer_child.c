@@ -17,7 +17,7 @@ struct prepare_work {
     gint32 parent, task;
     guint32 cpu_s;
     guint64 memory_bytes;
-    struct devices devices; /* geometry, timing and texts; no device is open */
+    struct devices devices; /* geometry, timing and texts of the rig; no device is open */
     char *text, *path, *calibration, *session_path, *directory, *session_text, *calibration_text;
     char *chosen;
     struct bus_caller caller;
@@ -61,16 +61,17 @@ static gboolean read_request(struct prepare_work *work) {
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
 }
 
-/* Sets a limit of this process. At the soft limit of CPU time, the kernel sends SIGXCPU, which the
- * daemon reports. The hard limit is 5 s higher. At the hard limit the kernel sends SIGKILL, which
- * does not show the reason. */
+/* Sets a soft limit of this process, and a hard limit that is 5 s higher. When the process exceeds
+ * the soft limit of CPU time, the kernel sends SIGXCPU, and the daemon reports that. At the hard
+ * limit the kernel sends SIGKILL, which would not show the reason. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
     return setrlimit(resource, &rlimit) == 0;
 }
 
-/* Limits the address space to its present size plus bytes. With the address sanitizer there is no
- * limit, because the sanitizer reserves terabytes of address space. */
+/* Limits the address space of this process to its present size plus bytes. In a build with the
+ * address sanitizer there is no limit, because the sanitizer reserves terabytes of address
+ * space. */
 static gboolean limit_memory(guint64 bytes) {
 #ifdef __SANITIZE_ADDRESS__
     return bytes > 0;
@@ -118,10 +119,11 @@ int preparer_child(void) {
     struct prepare_work work = {0};
     g_autoptr(GError) error = NULL;
     close_range(STDERR_FILENO + 1, ~0U, 0);
-    const int fd = dup(STDOUT_FILENO); /* libraries must not print into the answer */
+    /* a copy of standard output, for the answer; libraries must not print into it */
+    const int fd = dup(STDOUT_FILENO);
     setpriority(PRIO_PROCESS, 0, NICE);
-    /* The child is killed when its parent ends (PR_SET_PDEATHSIG), and has limits of time and
-     * memory. */
+    /* The child is killed when its parent ends (PR_SET_PDEATHSIG). Its time and its memory are
+     * limited. */
     gboolean ok = fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 && read_request(&work) &&
                   prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work.parent &&
                   limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work.cpu_s) &&

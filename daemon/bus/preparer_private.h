@@ -18,6 +18,6 @@
 #define PREPARER_REQUEST_TYPE "(siiutayayayayaydayayayayayay)"
 #define PREPARER_REQUEST      "(siiut@ay@ay^ay^ay^ayd^ay^ay^ay^ay^ay@ay)"
 
-/* The answer contains domain (empty for no error), code and message of an error, and the result,
- * which is an empty string after an error. */
+/* The answer contains the domain of an error (empty if there is none), its code and its message,
+ * and the result. After an error, the result is an empty string. */
 #define PREPARER_ANSWER "(sisv)"

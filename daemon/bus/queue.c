@@ -7,8 +7,8 @@
 
 #include "base/file_lock.h"
 
-/* Maximum number of ended sessions that the list keeps. If there are more when a session is added,
- * the oldest are removed. */
+/* Maximum number of ended sessions in the list. If there are more when a session is added, the
+ * oldest are removed. */
 #define MAX_ENDED 100
 
 const char *const queue_state_names[QUEUE_STATES] = {
@@ -45,8 +45,8 @@ void queue_item_free(struct queue_item *item) {
     g_free(item);
 }
 
-/* Renames a file that cannot be used, so that a user can examine it. Empties the list and pauses
- * the queue. */
+/* Renames the file, which cannot be used, so that a user can examine it. Empties the list and
+ * pauses the queue. */
 static void set_aside(Queue *queue, const GError *why) {
     g_autofree char *damaged = g_strconcat(queue->path, ".damaged", NULL);
     const gboolean kept = rename(queue->path, damaged) == 0;
@@ -129,7 +129,7 @@ gboolean queue_pause(Queue *queue, const char *why, GError **error) {
     if (queue_file_write(queue, error))
         return TRUE;
     if (why)
-        return FALSE; /* the queue is paused nevertheless, until this program ends */
+        return FALSE; /* although this failed, the queue is paused until this program ends */
     g_free(queue->paused);
     queue->paused = g_steal_pointer(&before);
     return FALSE;
@@ -168,9 +168,9 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     return FALSE;
 }
 
-/* Returns TRUE if a session waits or has ended. Returns FALSE with an error if the session is being
- * captured or its test shots are being taken. what is the refused action for the message: "removed"
- * or "moved". */
+/* Returns TRUE if a session may be removed or moved, because it waits or has ended. Returns FALSE
+ * with an error if the session is being captured, or if its test shots are being taken. `what` is
+ * the refused action for the message: "removed" or "moved". */
 static gboolean is_still(const struct queue_item *item, const char *what, GError **error) {
     if (item->state == QUEUE_WAITING || item->state == QUEUE_HANDS || has_ended(item))
         return TRUE;
@@ -228,8 +228,8 @@ gboolean queue_set(Queue *queue, struct queue_item *item, enum queue_state state
     g_free(before);
     item->state = state;
     if (has_ended(item)) {
-        /* The session is put behind those that have ended before it, and in front of those that
-         * wait. */
+        /* The session is put behind the sessions that have ended before it, and in front of those
+         * that wait. */
         guint from, to = 0;
         g_ptr_array_find(queue->items, item, &from);
         g_ptr_array_steal_index(queue->items, from);

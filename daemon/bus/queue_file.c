@@ -1,6 +1,6 @@
 /*
- * The file of the queue, in GKeyFile syntax: [queue] with version, next and paused, then a section
- * [session N] for each session, in order.
+ * The file of the queue, in GKeyFile syntax. The section [queue] has version, next and paused. Then
+ * there is a section [session N] for each session, in the order of the queue.
  */
 #include "queue_private.h"
 
@@ -17,8 +17,8 @@
 #define VERSION    1
 #define MAX_GROUPS 1024
 
-/* The fields of a session, except state, uid and groups. All of them are written, and all of them
- * must exist in a file. */
+/* The fields of a session that are written and read in the same way: all except state, uid and
+ * groups. All of them must exist in a file. */
 enum kind { TEXT, BOOLEAN, INT, INT64, DOUBLE };
 static const struct field {
     const char *key;
@@ -117,8 +117,8 @@ static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item
     return TRUE;
 }
 
-/* Reads the state. A session that had begun when the program ended waits again, in the same
- * place. */
+/* Reads the state. If the session had begun when the program ended, the session waits again, at the
+ * same place of the queue. */
 static gboolean take_state(GKeyFile *from, const char *group, struct queue_item *item,
                            GError **error) {
     g_autofree char *name = g_key_file_get_string(from, group, "state", error);
@@ -202,8 +202,9 @@ static gboolean take_text(Queue *queue, const char *text, gsize length, GError *
     return TRUE;
 }
 
-/* Opens the file if no other user could have written it. Returns −1 without an error if there is no
- * file, and −1 with an error if the file cannot be used. */
+/* Opens the file for reading and returns its descriptor. Returns −1 without an error if there is no
+ * file. Returns −1 with an error if the file cannot be used, for instance because another user
+ * could have written it. */
 static int open_own(const char *path, gsize *ret_length, GError **error) {
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     struct stat info;
