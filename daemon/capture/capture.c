@@ -24,8 +24,8 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
     return plan;
 }
 
-/* Returns the camera's last finished dark shot before the first shot that is still to be taken, or
- * NULL if there is none. */
+/* Returns a camera's last finished dark shot that precedes the first shot that is still to be
+ * taken. Returns NULL if there is none. */
 static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
     const struct session_shot *found = NULL;
     for (guint i = 0; i < shots->len; i++) {
@@ -46,7 +46,7 @@ static void on_event(const char *level, const char *source, const char *message,
 }
 
 /* Makes the intake and the sequencer, and loads the values that earlier runs have stored. Nothing
- * begins to move yet. */
+ * moves yet. */
 static gboolean open_parts(Capture *capture, GError **error) {
     struct capture_session *session = &capture->session;
     struct intake_hooks intake_hooks = capture_intake_hooks;
@@ -90,8 +90,8 @@ static Session *create_session(const struct devices *devices, const struct sessi
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    /* Values that the capture or the processing needs are stored together with the session, because
-     * the daemon may be killed right after the session has been made. */
+    /* These values are needed by the capture or the processing. They are stored in one step with
+     * the session, because the daemon may be killed right after the session has been made. */
     const char *const values[][2] = {
         {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
         {"chosen", conf->chosen},
@@ -160,7 +160,7 @@ Capture *capture_begin(struct devices *devices, const char *directory,
         capture_free(capture);
         return NULL;
     }
-    /* Passes on the events from the creation of the session. */
+    /* Passes on the events that were stored when the session was made. */
     for (guint i = 0; i < events->len && capture->callbacks.event; i++) {
         const struct session_event *event = events->pdata[i];
         capture->callbacks.event(capture, event->level, event->source, event->message,
@@ -177,7 +177,7 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
     const int n = shot_dark_exposures(conf, exposures);
     for (int c = 0; c < rig->n_cameras; c++) {
         if (!devices_is_unit(rig, c))
-            continue; /* a stop of a camera on an arm uses the dark frames of the first stop */
+            continue; /* the first stop of a camera on an arm has the dark frames for all stops */
         const struct camera_format format = {.width = rig->cameras[c].width,
                                              .height = rig->cameras[c].height};
         const struct session_shot *shot = dark_before(shots, c);
@@ -204,8 +204,8 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     if (!shots || !capture_check_rig(session, shots, devices, error))
         return FALSE;
-    /* If a dark frame cannot be read, the checksums of all frames are verified. The dark frame
-     * fails its checksum, so that its shot is planned again. */
+    /* If a dark frame cannot be read, the checksums of all frames are verified. The dark frame then
+     * fails its check, and its shot is planned again. */
     if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
         !session_verify(session, TRUE, NULL, error))
         return FALSE;
@@ -217,8 +217,8 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     return TRUE;
 }
 
-/* Checks that the session fits the rig and the disk, and loads the time of the session's clock, the
- * sizes of the stored frames and the dark frames of earlier runs. */
+/* Checks that the session fits the rig and the disk. Loads from earlier runs the time of the
+ * session's clock, the sizes of the stored frames and the dark frames. */
 static gboolean prepare_resumed(Capture *capture, GError **error) {
     struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -368,8 +368,8 @@ static double time_left_s(const Capture *capture) {
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         guint n;
         const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
-        /* After a pause, this run continues with the times that it has measured. After an abort,
-         * the shots are taken by a new run, which has measured no times yet. */
+        /* After a pause, the same run continues, and the times that it has measured are used. After
+         * an abort, a new run takes the shots, and it has measured no times yet. */
         return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
     return time_left_at_s(left, capture_session_now_s(session));

@@ -4,12 +4,12 @@
 
 #include "capture_check.h"
 
-/* Minimum relative change of a session's expected disk space that is reported in an event. */
+/* Minimum relative change of a session's expected size on disk for which an event is added. */
 #define BYTES_PART 0.05
 
-/* Returns an array with the footprint of each camera whose frames vary in size; the entries of
- * other cameras are zero. The footprints are computed only once, because neither the cameras nor
- * the sample plane move. */
+/* Returns an array with the footprint of each camera. It has values only for cameras whose frames
+ * vary in size, and is zero for others. The footprints are computed only once, because neither the
+ * cameras nor the sample plane move. */
 static const struct plan_footprint *footprints(struct capture_bytes *bytes,
                                                const struct capture_session *session) {
     const struct rig *rig = &session->devices->geometry;
@@ -29,9 +29,9 @@ static double planned_bytes(struct capture_bytes *bytes, const struct capture_se
                                    &footprints(bytes, session)[camera]);
 }
 
-/* Returns whether the sizes of a camera's frames vary. If exposures or laser frames are kept, no
- * frame counts as varying, because kept frames have no rows with their sizes. They count with their
- * planned sizes. */
+/* Returns whether the sizes of a camera's frames vary and are therefore measured. If exposures or
+ * laser frames are kept, the result is FALSE, because the rows of the database lack the sizes of
+ * kept frames. All frames then count with their planned sizes. */
 static gboolean vary(const struct capture_session *session, int camera) {
     return plan_bytes_vary(&session->devices->geometry.cameras[camera]) &&
            !session->conf.keep_exposures && !session->conf.keep_laser_frames;
@@ -50,9 +50,9 @@ static void count(struct capture_bytes *bytes, const struct capture_session *ses
     bytes->stored += is;
 }
 
-/* Returns the ratio of stored to planned bytes for the frames of a kind and camera. Until such a
- * frame is stored, returns the ratio of the other cameras, or 1 if they have none either. Returns 1
- * if the sizes do not vary. */
+/* Returns the ratio of stored to planned bytes for frames of this kind and camera. If no such frame
+ * is stored yet, returns the ratio for the stored frames of all kinds and cameras, or 1 if there
+ * are none. Returns 1 if the sizes do not vary. */
 static double ratio(const struct capture_bytes *bytes, const struct capture_session *session,
                     int kind, int camera) {
     double sum = 0, planned = 0;
@@ -68,8 +68,8 @@ static double ratio(const struct capture_bytes *bytes, const struct capture_sess
     return planned > 0 ? sum / planned : 1;
 }
 
-/* Returns the expected bytes of the shots that are still to be taken. Shots that an adaptive
- * capture has not chosen (capture_session_is_chosen()) are not counted. */
+/* Returns the expected bytes of the shots that are still to be taken. In an adaptive capture, only
+ * the chosen shots are counted (capture_session_is_chosen()). */
 static double bytes_left(struct capture_bytes *bytes, const struct capture_session *session) {
     const int n_cameras = session->devices->geometry.n_cameras;
     double left = 0;
@@ -129,8 +129,9 @@ void capture_bytes_begin(struct capture_bytes *bytes, const struct capture_sessi
     }
 }
 
-/* Returns whether the estimate is to be updated after shot n of this run: n = 1, 2, 3, 4, 6, 8, 12
- * … The update takes longer than a shot's commit, because it examines the whole list of shots. */
+/* Returns whether the estimate is updated after shot n of this run, which is so for n = 1, 2, 3, 4,
+ * 6, 8, 12, … It is not updated after every shot, because an update examines the whole list of
+ * shots and takes longer than storing a shot. */
 static gboolean is_due(guint n) {
     while (n > 3 && n % 2 == 0)
         n /= 2;

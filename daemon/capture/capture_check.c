@@ -9,8 +9,8 @@
 #include "capture_calibration.h"
 #include "exr/exr.h"
 
-/* Disk space in addition to the prediction: the database's journal, and products that are being
- * made. */
+/* Disk space that must be free in addition to the predicted size. It is for the database's journal
+ * and for products that are being made. */
 #define SPARE_BYTES (G_GUINT64_CONSTANT(64) << 20)
 #define FULL_BELOW  (G_GUINT64_CONSTANT(1) << 20)
 
@@ -104,8 +104,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
 
 #define SHOWN_CHANGES 8
 
-/* Adds a text to ret for each key of a section whose value differs: first for the keys of then,
- * afterwards for the keys that are new in now. */
+/* Compares a section of the rig file `then` with the same section `now`. Adds a text to ret for
+ * each key whose value differs, and then for each key that is new in `now`. */
 static void compare_section(const struct config_section *then, const struct config_section *now,
                             GPtrArray *ret) {
     for (const char *const *key = config_keys(then); *key; key++) {

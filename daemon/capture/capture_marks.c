@@ -4,8 +4,9 @@
 
 #include "session/outputs.h"
 
-/* The maximum error of a calibration at a mark in a picture, in pixels, and the minimum rotation of
- * a camera or the turntable that counts as a movement, in degrees. */
+/* SYSTEMATIC_PX is the maximum error in pixels that a calibration has at a mark in a picture.
+ * MIN_DEG is the minimum rotation in degrees of a camera or the turntable that counts as a
+ * movement. */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
 #define WINDOW        8 /* number of shots that are evaluated together */
@@ -38,9 +39,9 @@ static gboolean keep_outputs(const struct capture_session *session, const struct
     return TRUE;
 }
 
-/* Returns the movements that somebody has accepted. Their text is TURNTABLE, CAMERAS followed by
- * the numbers of the cameras, or both with ", " between them. Nothing is accepted by another
- * text. */
+/* Returns the movements that somebody has accepted. They are stored as a text: TURNTABLE, or
+ * CAMERAS followed by the numbers of the cameras, or both with ", " between them. Any other text
+ * means that nothing is accepted. */
 static struct fiducials_moved accepted(const struct capture_session *session) {
     struct fiducials_moved ret = {.turntable = FALSE};
     g_autofree char *text = session_value(session->store, KEY);
@@ -77,8 +78,8 @@ static void report_first_check(struct capture_marks *marks, const struct capture
     capture_session_add_event(session, check->n_seen > 0 ? "info" : "warning", "fiducials", text);
 }
 
-/* Returns the marks that were seen in this shot and in the last few shots. One shot of a camera
- * with few pixels is not enough evidence, so these shots are evaluated together. */
+/* Adds the marks of this shot to those of the last few shots, and returns all of them. The shots
+ * are evaluated together, because one shot of a camera with few pixels is not enough evidence. */
 static GArray *add_to_window(struct capture_marks *marks, GArray *seen) {
     if (!marks->window)
         marks->window = g_queue_new();
@@ -119,8 +120,9 @@ char *capture_marks_check(struct capture_marks *marks, const struct capture_sess
     g_autofree char *what = fiducials_describe(rig, &check);
     marks->moved = fiducials_moved_both(marks->suspected, suspected);
     if (!fiducials_moved_any(marks->moved)) {
-        /* Light that a nearby sample reflects may make marks look displaced under one lamp. A real
-         * movement is also visible under the next lamp. */
+        /* A movement is reported only if the next shot shows it too. Under one lamp, marks may look
+         * displaced because of light that a nearby sample reflects. A real movement is also visible
+         * under the next lamp. */
         g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
                                                 "calibrated: %s; the next shot will tell",
                                                 what);

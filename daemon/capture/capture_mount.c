@@ -23,7 +23,8 @@ gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_
         if (!session_read_value(session->store, key, &said, error))
             return FALSE;
         mounts->mounted[i] =
-            /* not known: the session has no place, or names a laser that the rig no longer has */
+            /* The place is not known if the session has none, or if the session names a laser that
+             * the rig no longer has. */
             -1;
         for (int k = 0; said && k < session->devices->geometry.n_lasers; k++)
             if (rig_laser_unit(timing, k) == i && !strcmp(name_of(session, k), said))
@@ -34,9 +35,9 @@ gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_
     return TRUE;
 }
 
-/* Returns 1 if the laser unit that a shot needs is mounted at the place that the shot needs, or if
- * the shot needs no laser. Returns 0 if the unit is at another place, and −1 if the place of the
- * unit is not known. */
+/* Returns 1 if the shot needs no laser, or if the laser unit that it needs is mounted at the right
+ * place. Returns 0 if the unit is at another place, and −1 if the place of the unit is not
+ * known. */
 static int in_place(const struct capture_mounts *mounts, const struct rig_timing *timing,
                     const struct session_shot *shot) {
     if (shot->kind != SHOT_SWEEP)
@@ -94,8 +95,8 @@ char *capture_mount_ask(struct capture_mounts *mounts, const struct capture_sess
                         const struct session_shot *const *shots, guint n, const char **ret_unit) {
     const struct rig_timing *timing = &session->devices->timing;
     int wanted = -1;
-    /* Units whose places are not known are asked for first, while the operator who began the
-     * session is still present. */
+    /* A unit whose place is not known comes first, because the operator who began the session is
+     * still present. */
     for (guint i = 0; i < n; i++) {
         const int known = in_place(mounts, timing, shots[i]);
         if (known < 0 || (known == 0 && wanted < 0))

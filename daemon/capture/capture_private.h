@@ -1,6 +1,7 @@
 /* The Capture puts together the parts of a capture. capture.c opens the session, returns its state
  * and carries out commands. capture_run.c takes the shots. Each part has its own header, and uses
- * only the other parts to which it gets a pointer. Main loop's thread. */
+ * only the other parts to which it gets a pointer. All functions belong to the main loop's
+ * thread. */
 #pragma once
 
 #include "capture.h"
@@ -25,7 +26,7 @@ struct Capture {
     enum capture_state state;
     enum capture_fault fault; /* fault that caused the pause */
     char *reason, *doing;
-    /* whether the sequencer has taken all shots that it was given (run_shots.h), or has paused */
+    /* The sequencer has taken all shots that it was given (run_shots.h), or has paused. */
     gboolean all_taken;
     gboolean finishing; /* capture_finish() was called, and waits for the shot under way */
     guint starter;      /* timer on the rig's clock that starts a run; 0 if there is none */
@@ -54,16 +55,19 @@ extern const struct sequencer_hooks capture_sequencer_hooks;
 /* Starts taking the remaining shots, from the main loop. */
 void capture_begin_soon(Capture *capture);
 
-/* Leaves the remaining shots out and ends the run. The rig must be safe. */
+/* Leaves out the remaining shots and ends the run. The rig must be safe. */
 void capture_finish_now(Capture *capture);
 
-/* Pauses because the user wants it, or ends the session if capture_finish() was called. */
+/* Pauses the capture because the user has requested it. If capture_finish() was called, ends the
+ * session instead. */
 void capture_rest_for_user(Capture *capture);
 
-/* capture_pause_for() drops the frames in flight, stores the reason and pauses.
+/* capture_pause_for() drops the frames in flight (flights.h), stores the reason and pauses.
  * capture_come_to_rest() ends a run: it stops the session's clock and stores the totals and the
- * state. For both, the rig must be safe, or must already be going into the safe state.
- * capture_set_state() changes and stores only the state, and capture_drop_flights() drops only the
+ * state. Before a call of these two functions, the rig must be safe or must have been commanded to
+ * the safe state.
+ *
+ * capture_set_state() changes and stores only the state. capture_drop_flights() drops only the
  * frames in flight. */
 void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
                        const char *reason);

@@ -6,13 +6,13 @@
 #include "capture_check.h"
 
 #define CHANGED_MS 100
-/* Minimum mean of a picture above dark, as a part of full scale, in at least one camera. Below it,
- * the lamp gives no light. */
+/* If the mean of a picture above dark is below this part of full scale in all cameras, the lamp
+ * gives no light. */
 #define LAMP_SIGNAL 0.0005
-/* Maximum part of the pixels of a picture that may be saturated in the shortest exposure without a
- * warning. */
+/* A warning is given if a larger part of the pixels of a picture is saturated in the shortest
+ * exposure. */
 #define SATURATED_PART 0.001
-/* Maximum mean of a dark frame above black, as a part of full scale, without a warning. */
+/* A warning is given if the mean of a dark frame above black is a larger part of full scale. */
 #define DARK_PART 0.05
 
 static gboolean notify_changed(gpointer data) {
@@ -67,9 +67,9 @@ static void flush_limits(Capture *capture, struct event_limit *limits, const cha
         event_limit_flush(&limits[c], &capture->session, rig->cameras[c].name, what);
 }
 
-/* Ends a run, when nothing moves any more: reports the events that were only counted, stops the
- * session's clock, stores the totals and the state, and adds advice about exposures if the
- * session is done. */
+/* Ends a run when nothing moves any more. Adds events for the warnings that were only counted,
+ * stops the session's clock, and stores the totals and the state. If the session is done, also adds
+ * advice about exposures. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     flush_limits(capture, capture->retake_limits, "refused or lost and taken again");
     flush_limits(capture, capture->saturated_limits, "saturated");
@@ -93,8 +93,8 @@ void capture_pause_for(Capture *capture, enum capture_fault fault, const char *s
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
 
-/* Makes the rig safe and pauses, for a fault that the sequencer does not know: a fault of the disk,
- * or one that the frames show. */
+/* Makes the rig safe and pauses because of a fault that the sequencer cannot see: a fault of the
+ * disk, or one that the frames show. */
 static void stop_for(Capture *capture, enum capture_fault fault, const char *source,
                      const char *reason) {
     g_autoptr(GError) error = NULL;
@@ -119,7 +119,8 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
-/* Marks the shots that are not done as left out. Returns their number, or −1 with an error. */
+/* Marks the shots that are still to be taken as left out. Returns their number, or −1 with an
+ * error. */
 static int leave_rest_out(struct capture_session *session, const char *note, GError **error) {
     int n = 0;
     for (guint i = 0; i < session->shots->len; i++) {
@@ -166,7 +167,8 @@ void capture_rest_for_user(Capture *capture) {
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
 }
 
-/* Called when all chosen shots are committed. Chooses more shots, or finishes the session. */
+/* Called when all chosen shots are stored. Chooses more shots, or ends the session if there are
+ * none. */
 static void end_round(Capture *capture) {
     Adaptive *adaptive = capture->session.adaptive;
     if (adaptive && !adaptive_is_over(adaptive)) {
@@ -191,9 +193,9 @@ static void pause_for_mounting(Capture *capture) {
 
 static void when_all_is_committed(Capture *capture) {
     const struct run_shots *run = &capture->run;
-    /* Shots that are held until the lasers are checked (capture_lasers.h) stay in flight if a pause
-     * has postponed a sweep that checks a laser. The capture does not wait for them to be
-     * committed. */
+    /* After a pause, some shots are held in flight until the lasers are checked (capture_lasers.h).
+     * If the pause has postponed a sweep that checks a laser, these shots cannot be stored now, and
+     * the capture does not wait for them. */
     const gboolean held = run->n_committed < run->n_held && flights_are_back(&capture->flights);
     if (!capture->all_taken || !(flights_n(&capture->flights) == 0 || held))
         return;
@@ -206,8 +208,8 @@ static void when_all_is_committed(Capture *capture) {
         capture_rest_for_user(capture);
 }
 
-/* Commits a shot. Returns FALSE if it cannot be stored; the capture is then paused and no shot is
- * in flight. */
+/* Stores a shot in the session. If this fails, the capture is paused, no shot is in flight any
+ * more, and the result is FALSE. */
 static gboolean commit(Capture *capture, const struct flight *flight) {
     struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -244,9 +246,9 @@ static gboolean commit(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Returns a camera whose picture was taken again and shows no more than min_dn above dark: the lamp
- * may have failed before the repetition. Returns −1 if there is no such camera. A camera whose
- * first picture shows nothing is not returned, because it may see a black object. */
+/* Returns a camera whose picture was taken again and shows no more than min_dn above dark, or −1 if
+ * there is none. The lamp may have failed before that picture. A camera whose first picture is dark
+ * is not returned, because it may see a black object. */
 static int find_blind(const struct flight *flight, int n_cameras, double min_dn) {
     for (int c = 0; c < n_cameras; c++)
         if (camera_set_has(flight->shot->cameras, c) && flight->frames[c].retakes > 0 &&
@@ -255,7 +257,7 @@ static int find_blind(const struct flight *flight, int n_cameras, double min_dn)
     return -1;
 }
 
-/* If the lamp of a shot gave no light, pauses and returns TRUE. */
+/* If the lamp of a shot gave no light, pauses and returns TRUE. Otherwise returns FALSE. */
 static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     int bits = 16;
     for (int c = 0; c < capture->session.devices->geometry.n_cameras; c++)
@@ -280,8 +282,8 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Commits the shots for which all cameras have returned, in the planned order, even if a later shot
- * has returned first. */
+/* Stores shots whose results have returned from all cameras. They are stored in the planned order,
+ * so a shot waits for the earlier ones even if its own results are complete. */
 static void commit_what_is_back(Capture *capture) {
     struct flights *flights = &capture->flights;
     const struct flight *flight;
@@ -384,8 +386,8 @@ static void on_homed(gpointer data) {
     Capture *capture = data;
     const struct capture_session *session = &capture->session;
     time_left_predict(&capture->time_left, 0, capture_session_now_s(session));
-    /* “mesorig info --history” reads this event: the time since the event before it was used for
-     * homing. */
+    /* “mesorig info --history” reads this event. The time between the previous event and this one
+     * was used for homing. */
     session_add_event(session->store, capture_session_now_s(session), "info", "capture",
                       SESSION_EVENT_HOMED, NULL);
     if (capture->state == CAPTURE_HOMING)
@@ -438,8 +440,8 @@ static void on_fault(const char *source, const char *reason, gboolean rig, gpoin
     capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
-/* Reports an unsafe device even if no shots are being taken. If the session is paused, also adds
- * the report to the reason for the pause, so that a user who looks later sees it. */
+/* Reports an unsafe device, even if no shots are being taken. If the session is paused, the report
+ * is also added to the reason for the pause, so that a user who looks later sees it. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))
@@ -456,9 +458,9 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
 }
 
 /* Adds the remaining shots of a round to the run's list, in the order of the round, and sets their
- * passes. The passes are computed from all shots of the round, done or not, so that the same
- * pictures are taken as without an interruption. Passes are numbered from number + 1. Returns the
- * number of the last pass. */
+ * passes. The passes are computed from all shots of the round, including those that are done. The
+ * pictures are therefore the same as without an interruption. Passes are numbered from number + 1.
+ * Returns the number of the last pass. */
 static int list_round(Capture *capture, int round, int number) {
     const struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -471,8 +473,8 @@ static int list_round(Capture *capture, int round, int number) {
             g_ptr_array_add(shots, shot);
     }
     struct session_shot **list = (struct session_shot **)shots->pdata;
-    /* The order of the plan serves the first round. The shots of a later round were scattered over
-     * the plan, so they are ordered anew. */
+    /* The first round has the order of the plan. The shots of a later round are scattered over the
+     * plan, so they are ordered anew. */
     if (round > 1)
         plan_order_left(list, (int)shots->len, &session->conf, rig, timing);
     number = passes_set(list, (int)shots->len, &session->conf, rig, timing, number);
@@ -506,7 +508,7 @@ static void begin(gpointer data) {
     capture->all_taken = FALSE;
     run_clock_start(&session->clock);
     g_autofree char *finished = session_value(session->store, CAPTURE_FINISHED_KEY);
-    if (finished) { /* shots remain if the daemon was killed while it left them out */
+    if (finished) { /* if the daemon was killed while it left shots out, some of them remain */
         if (run->list->len > 0)
             capture_finish_now(capture);
         else
@@ -528,8 +530,8 @@ static void begin(gpointer data) {
         sequencer_start(capture->sequencer, run->leg);
 }
 
-/* The run starts from the main loop, because the caller does not expect events before this function
- * has returned. */
+/* The run starts later, from the main loop, because the caller does not expect events before this
+ * function has returned. */
 void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
     list_remaining(capture);
@@ -548,8 +550,8 @@ static void stop_for_choice(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_SESSION, "disk", reason);
 }
 
-/* Called when the next shots were chosen. If the session was aborted or paused in the meantime,
- * nothing is done: the choice is made again when the session is continued. */
+/* Called when the next shots were chosen. If the session was aborted or paused meanwhile, nothing
+ * is done. The shots are then chosen again when the session is continued. */
 static void on_chosen(int n, const char *of_lasers, const char *of_lights, const GError *error,
                       gpointer data) {
     Capture *capture = data;

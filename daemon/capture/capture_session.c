@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-/* Reads the session file, the shots and the calibration from the session directory. Errors name the
- * path of the directory. */
+/* Reads the session file, the shots and the calibration from the session directory. Errors contain
+ * the path of the directory. */
 static gboolean read_texts(struct capture_session *session, GError **error) {
     const char *path = session_path(session->store);
     g_autofree char *text = session_text(session->store, "session.conf", error);

@@ -1,9 +1,9 @@
 #include "exposure_advice.h"
 
 #define KEY "saturated_retakes"
-/* Maximum share of values whose longest exposure is saturated without advice. */
+/* Maximum share of values whose longest exposure is saturated. If it is larger, there is advice. */
 #define MAX_LACKING 0.5
-/* From this number of repetitions per picture on, the advice names the exposure to use. */
+/* Number of repetitions per picture. If it is reached, the advice names the exposure to use. */
 #define MAX_RETAKEN 0.5
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {

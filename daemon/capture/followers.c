@@ -26,7 +26,8 @@ struct Followers {
     gpointer data;
 };
 
-/* Runs between fork and exec, where only async-signal-safe functions may be called. */
+/* Runs in the new process between fork and exec. Only async-signal-safe functions may be called
+ * here. */
 static void prepare_child(gpointer parent) {
     setpriority(PRIO_PROCESS, 0, 10);
     prctl(PR_SET_PDEATHSIG, SIGTERM);

@@ -1,5 +1,5 @@
-/* The latest picture of a camera, and its thumbnail, which is made only when somebody looks at it.
- * The pictures belong to the Capture. Main loop's thread. */
+/* The latest picture of a camera, and its thumbnail. The thumbnail is made only when somebody looks
+ * at it. The pictures belong to the Capture. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "thumbnail.h"

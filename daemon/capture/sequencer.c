@@ -6,12 +6,12 @@
 #include "intake/radiance.h"
 #include "plan/shot_frames.h"
 
-/* Pause in µs before the next attempt with a camera that does not respond. */
+/* Pause in µs before the next attempt to trigger a camera that does not respond. */
 #define REST_US (3 * G_USEC_PER_SEC)
 
-/* Pause after the second refused picture in a row. The pause becomes four times as long each time,
- * up to REST_US. A disturbance of a line, or a busy computer, may last a second and must not use up
- * all attempts. */
+/* Pause in µs after the second refused picture in a row. After each further one, the pause is four
+ * times as long, up to REST_US. A disturbance of a line, or a busy computer, may last a second, and
+ * the pauses keep it from using up all attempts. */
 #define FIRST_REST_US 100000
 
 static void prepare(Sequencer *seq);
@@ -33,7 +33,7 @@ void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboo
     g_autofree char *text = g_strdup(reason);
     const gboolean safe = sequencer_stop(seq, &error);
     rig = rig || !safe;
-    /* If reason already contains this error, the error is not repeated. */
+    /* Add the error, unless reason already contains it. */
     if (!safe && !strstr(reason, error->message)) {
         g_free(text);
         text = g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand first. %s",
@@ -53,9 +53,9 @@ void sequencer_finish(Sequencer *seq) {
     seq->hooks.fault("rig", text, TRUE, seq->hooks.data);
 }
 
-/* Returns the angle of the sweep axis at step k of n: from + k·(to − from)/(n − 1). For the picture
- * after the last step, which is taken with the laser off, it is the middle of the sweep, where a
- * laser that is still lit would light the sample. */
+/* Returns the angle of the sweep axis at step k of n: from + k·(to − from)/(n − 1). After the last
+ * step, a picture is taken with the laser off. Its angle is the middle of the sweep, because a
+ * laser that is still lit would light the sample there. */
 static double sweep_at_deg(const struct session_shot *shot, int step) {
     double span_deg = shot->sweep_to_deg - shot->sweep_from_deg;
     if (step >= shot->sweep_steps)
@@ -87,16 +87,17 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
     return goal;
 }
 
-/* Returns the stage's goal after the exposure of the picture under way. */
+/* Returns the state that the stage must reach after the exposure of the picture under way. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (!camera_set_is_empty(seq->pending) && seq->pass.n == 0)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
     if (seq->next < seq->shots->len && !seq->pausing) {
-        /* The next laser is not switched on before the last frame of this shot has arrived. If the
-         * next laser were one that cannot be switched off again, it would light a repetition of
-         * this frame, and that would be noticed only at the end of its own sweep. */
+        /* The next laser is not switched on before the last frame of this shot has arrived, because
+         * this frame may have to be taken again. If the next laser could not be switched off any
+         * more, it would light the repeated frame, and this would be noticed only at the end of the
+         * next sweep. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
         goal.laser = camera_set_is_empty(seq->waiting) ? goal.laser : -1;
         return goal;
@@ -106,7 +107,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
     return goal;
 }
 
-/* Begins the next shot, or the pass that the next shot belongs to. Returns FALSE if no shots are
+/* Begins the next shot, or the pass to which the next shot belongs. Returns FALSE if no shots are
  * left. */
 static gboolean begin_shot(Sequencer *seq) {
     if (seq->next >= seq->shots->len)
@@ -179,8 +180,8 @@ gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camer
     return sequencer_count_refusal(seq, camera, state, error);
 }
 
-/* Triggers the cameras that are pending. Cameras that do not respond stay pending, and are
- * triggered again after a pause. */
+/* Triggers the pending cameras. A camera that does not respond stays pending, and is triggered
+ * again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
     const struct camera_set pending = seq->pending;
@@ -262,8 +263,8 @@ void sequencer_next_shot(Sequencer *seq) {
         prepare(seq);
 }
 
-/* Called when all cameras have answered. Repeats the picture with the cameras whose frame was
- * refused, or continues with the next picture or shot. */
+/* Called when all cameras have answered for a picture. If frames were refused, the picture is taken
+ * again with their cameras. Otherwise the next picture or shot follows. */
 static void picture_over(Sequencer *seq) {
     seq->state = PREPARING;
     const gboolean taken = camera_set_is_empty(seq->pending);
@@ -287,8 +288,8 @@ static void answered(Sequencer *seq, int camera) {
         sequencer_advance(seq);
 }
 
-/* If no shorter exposure is possible, or the exposure was already shortened as often as the session
- * allows, the saturated picture is kept, because a highlight must not end an unattended capture. */
+/* The saturated picture is kept if no shorter exposure is possible, or if the exposure was already
+ * shortened as often as the session allows. A highlight must not end an unattended capture. */
 gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            struct sequencer_camera *state, const Frame *frame) {
     const gint64 us = sequencer_exposure_us(seq, shot, sub, state);
@@ -345,8 +346,8 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
            !camera_set_has(seq->waiting, c))
-        /* finds the stop whose frame is awaited: the stops of a camera on the arm are separate
-         * cameras of the rig */
+        /* The stops of a camera on the arm are separate cameras of the rig. This loop finds the
+         * stop whose frame is awaited. */
         c++;
     const gboolean passing = seq->state == PASSING;
     if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
@@ -396,7 +397,7 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
         seq->units[c] = (struct sequencer_unit){.sequencer = seq, .camera = c};
-        /* All stops of a camera share one listener: see on_camera(). */
+        /* All stops of a camera have one listener, because on_camera() finds the stop. */
         if (devices_is_unit(&devices->geometry, c))
             camera_listen(devices->cameras[c], on_camera, &seq->units[c]);
     }

@@ -10,51 +10,54 @@
 #include "radiometry/fiducials.h"
 
 #define FULL_BYTES ((gsize)512 << 20)
-/* Frames of a sweep are handed over in batches, because waking a worker costs more than its work.
- */
+/* Frames of a sweep are given to a worker in batches of this number, because waking a worker costs
+ * more than its work on one frame. */
 #define BATCH 8
-/* After a sweep, the laser counts as still lit if LASER_PIXELS pixels are above the threshold. It
- * also does if at least half of the pixels that the line lit in the middle of the sweep, and at
- * least MIN_LASER_PIXELS of them, are above half the threshold. */
+/* After a sweep, the laser counts as still lit in two cases:
+ * - LASER_PIXELS pixels are above the threshold.
+ * - At least half of the pixels that the line lit in the middle of the sweep, and at least
+ *   MIN_LASER_PIXELS of them, are above half the threshold. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
-/* Nice values of the threads. The main loop, which moves axes and triggers cameras, has the highest
- * priority (0), then the workers that take frames, then the threads that write sweeps. */
+/* Nice values of the threads. The main loop has the highest priority (0), because it moves axes and
+ * triggers cameras. Next come the workers that take frames, and last the threads that write
+ * sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
 
 struct job {
     guint generation;
-    /* A frame of the lane's camera, or of another stop of that camera on the arm. The job owns the
-     * frame. */
+    /* A frame of the lane's camera. The camera may be another stop on the arm than lane->camera.
+     * The job owns the frame. */
     struct taken_frame taken;
 };
 
-/* A sweep all of whose frames were taken. */
+/* A sweep whose frames were all taken. */
 struct complete_sweep {
     guint generation;
-    struct taken_frame last; /* the frame is owned */
+    struct taken_frame last; /* the last frame of the sweep; owned */
     Sweep *sweep, *short_sweep;
     double dark_dn;
     gboolean laser_seen;
     GError *error;
-    gsize bytes; /* size of the sweeps, which count as waiting */
+    gsize bytes; /* size of the sweeps; counts as waiting bytes */
 };
 
-/* The worker of a camera, and of all stops of a camera on the arm. Its thread owns all fields but
- * batch, which belongs to the main loop. It takes seconds to evaluate and write eight sweeps of
- * 1024 × 768 that end at the same time. A second thread (finisher) does that, so that frames that
- * arrive meanwhile are accepted. */
+/* The worker of a camera, which also serves all stops of that camera on the arm. The main loop uses
+ * only `batch`. The other fields belong to the thread of the worker.
+ *
+ * A second thread (finisher) evaluates and writes the sweeps. This takes seconds for eight sweeps
+ * of 1024 × 768 that end at the same time, and frames that arrive meanwhile must be accepted. */
 struct lane {
     Intake *intake;
     int camera;
     GThread *thread;
-    GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
+    GAsyncQueue *queue; /* arrays (GPtrArray) of struct job; an empty array ends the thread */
     GPtrArray *batch;
-    GThreadPool *finisher; /* one thread, which finishes sweeps (struct complete_sweep) */
+    GThreadPool *finisher; /* the second thread, which finishes sweeps (struct complete_sweep) */
     GMutex mutex;
     GCond finished;
-    int n_complete; /* number of sweeps that are not finished yet; guarded by mutex */
+    int n_complete; /* number of sweeps that are not finished yet; guarded by `mutex` */
 
     guint generation;
     const struct session_shot *shot; /* the shot that is being collected */
@@ -64,7 +67,7 @@ struct lane {
     Sweep *sweep, *short_sweep;
     Frame *sweep_first, *sweep_middle[2]; /* frames with the longer exposure, for is_laser_seen() */
     gboolean laser_seen;
-    GError *error; /* the first error of writing a raw frame of the shot */
+    GError *error; /* the first error of writing a raw frame of `shot` */
     struct intake_darks darks;
 };
 
@@ -80,10 +83,11 @@ struct Intake {
     int lane_of[RIG_MAX_CAMERAS];
     GAsyncQueue *finished;
     GSource *wake;
-    guint generation; /* number of intake_discard() calls; workers drop earlier work */
-    gsize bytes;      /* bytes of frames and sweeps that wait for a worker; atomic */
-    int full;         /* see intake_is_full(); read by workers */
-    int steps_over;   /* number of end_step() calls that release_steps() must still handle */
+    /* Number of intake_discard() calls. A worker drops work that has an earlier number. */
+    guint generation;
+    gsize bytes;    /* bytes of frames and sweeps that wait for a worker; atomic */
+    int full;       /* see intake_is_full(); workers read it */
+    int steps_over; /* number of end_step() calls that release_steps() has not handled yet */
 };
 
 static void job_free(gpointer data) {
@@ -187,7 +191,8 @@ static void finish_dark(struct lane *lane, const struct taken_frame *taken) {
 }
 
 /* Measures the marks on the turntable in a picture under a lamp. Returns an array of struct
- * fiducial_seen, or NULL if there is no calibration, or if it has no marks or not this lamp. */
+ * fiducial_seen. Returns NULL if there is no calibration, or if the calibration has no marks or not
+ * this lamp. */
 static GArray *measure_marks(const struct lane *lane, const struct taken_frame *taken,
                              const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
@@ -209,8 +214,9 @@ static GArray *measure_marks(const struct lane *lane, const struct taken_frame *
     return marks;
 }
 
-/* Returns bend_per_dn for radiance_merge(); 0 if the calibration does not know the curvature of the
- * sensor's response, or if the curvature is less than three times its error. */
+/* Returns bend_per_dn for radiance_merge(). Returns 0 if the calibration does not know the
+ * curvature of the sensor's response, or if the curvature is less than three times its standard
+ * error. */
 static double bend_of(const struct lane *lane, const struct taken_frame *taken,
                       const Frame *frame) {
     const struct calibration *calibration = lane->intake->setup.calibration;
@@ -254,9 +260,10 @@ static void finish_lamp(struct lane *lane, const struct taken_frame *taken) {
     return_result(lane, lane->generation, &result);
 }
 
-/* In lockstep (clock_is_lockstep()) the clock stands from the moment when work is given to a worker
- * until the main loop has taken the result. The main loop releases the clock. If the worker did
- * that, time could pass before the main loop has taken the result. */
+/* In lockstep (clock_is_lockstep()) the simulated clock stands while a worker has work: from
+ * begin_step(), when the work is given to the worker, until the main loop has taken the result. The
+ * main loop, and not the worker, lets the clock run again. Otherwise time could pass before the
+ * main loop has taken the result. */
 static void begin_step(Intake *intake) {
     if (clock_is_lockstep(intake->setup.devices->clock))
         clock_hold(intake->setup.devices->clock);
@@ -286,7 +293,7 @@ static void add_bytes(Intake *intake, gssize bytes) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
-/* Evaluates and writes a sweep, in the thread of the finisher. On Linux, setpriority() applies only
+/* Evaluates and writes a sweep in the second thread of a lane. On Linux, setpriority() applies only
  * to the calling thread. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct complete_sweep *complete = data;
@@ -341,8 +348,8 @@ static void queue_sweep(struct lane *lane, const struct taken_frame *last) {
     g_thread_pool_push(lane->finisher, complete, NULL);
 }
 
-/* Adds the frames with the shorter exposure (shorter is TRUE) or with the other exposure to a
- * sweep. Makes the sweep if it is NULL and there are such frames. */
+/* Adds frames to a sweep: those with the shorter exposure if shorter is TRUE, otherwise those with
+ * the longer one. If *sweep is NULL and there are such frames, makes the sweep. */
 static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct session_conf *conf,
                    gboolean shorter) {
     const struct taken_frame *first = &jobs[0]->taken;
@@ -377,11 +384,13 @@ static gboolean is_brighter(const Frame *frame, const Frame *than, double margin
     return frame && frame->pixels[p] - than->pixels[p] > margin_dn;
 }
 
-/* Returns whether the last frame of a sweep shows the laser. This frame is taken in the middle of
- * the sweep with the laser off. The laser is seen if LASER_PIXELS pixels are brighter than their
- * dark level. It is also seen if LASER_PIXELS pixels are brighter than in the first frame, because
- * the laser may also have lit the dark frames. If the laser lit only a few pixels in the middle of
- * the sweep, fewer pixels suffice (MIN_LASER_PIXELS). */
+/* Returns whether the last frame of a sweep shows the laser. For this frame, the laser is off and
+ * points to the middle of the sweep. The laser counts as seen if:
+ * - LASER_PIXELS pixels are brighter than their dark level,
+ * - LASER_PIXELS pixels are brighter than in the first frame, because the laser may also have lit
+ *   the dark frames,
+ * - at least half of the pixels that the line lit in the middle of the sweep are still bright, and
+ *   at least MIN_LASER_PIXELS of them. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;
@@ -399,8 +408,8 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Takes n consecutive frames of a sweep, or only the last frame, which is taken with the laser
- * off. */
+/* Takes n consecutive frames of a sweep. The last frame of a sweep, which is taken with the laser
+ * off, is taken alone. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;
@@ -427,12 +436,14 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
         lane_reset(lane);
     lane->shot = taken->shot;
     lane->generation = job->generation;
-    /* Frames must come in order, because a frame is identified only by its position. */
+    /* Frames must come in order, because the position of a frame in the shot is all that identifies
+     * it. */
     g_return_if_fail(taken->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, taken->shot);
     if (last && taken->shot->kind != SHOT_SWEEP) {
-        /* Wait for the finisher, because the results of a camera come in the order of its shots. */
+        /* Wait for the second thread, because the results of a camera must be returned in the order
+         * of its shots. */
         g_mutex_lock(&lane->mutex);
         while (lane->n_complete > 0)
             g_cond_wait(&lane->finished, &lane->mutex);
@@ -465,8 +476,8 @@ static gsize frame_bytes(const Frame *frame) {
     return (gsize)frame->width * frame->height * sizeof(guint16);
 }
 
-/* Returns the number of leading jobs that are frames of one sweep and are processed together, or
- * 1. */
+/* Returns the number of jobs at the front that are processed together because they are frames of
+ * one sweep. Otherwise returns 1. */
 static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;
@@ -621,8 +632,8 @@ void intake_take(Intake *intake, const struct taken_frame *taken) {
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* No frames come while the intake is full, so an incomplete batch would not become complete.
-     * All batches are therefore given to the workers now. */
+    /* While the intake is full, no frames come, and an incomplete batch would stay incomplete. All
+     * batches are therefore given to the workers now. */
     for (guint i = 0; i < intake->lanes->len; i++)
         flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);

@@ -55,54 +55,60 @@ struct intake_setup {
     struct devices *devices;
     const struct session_conf *conf;
     const char *directory; /* of the session */
-    /* Bytes of waiting frames and sweeps at which the intake is full; 0 for 512 MiB. */
+    /* Number of bytes of waiting frames and sweeps from which the intake is full. 0 means 512
+     * MiB. */
     gsize full_bytes;
-    /* Radiometry of the fiducials and linearity of the sensors. If it is NULL, fiducials are not
-     * searched for, and sensors count as linear. */
+    /* Calibration with the fiducials and the linearity of the sensors. If it is NULL, fiducials are
+     * not searched for, and sensors count as linear. */
     const struct calibration *calibration;
 };
 
-/* The result of a camera for a shot. Its file was written, unless error, uneven or laser_seen is
- * set. */
+/* The result of a camera for a shot. If `error`, `uneven` or laser_seen is set, no file was
+ * written. */
 struct intake_result {
     const struct session_shot *shot;
     /* The row of the frame. path, sha256 and bytes are set if the file was written. */
     struct session_frame frame;
     GError *error;
-    double signal_dn;    /* SHOT_LAMP: mean of the longest exposure above dark, in DN */
-    double dark_dn;      /* SHOT_DARK: mean level of the exposure with the highest mean, in DN */
-    const GArray *marks; /* SHOT_LAMP: of struct fiducial_seen that this camera saw, or NULL */
-    gboolean uneven;     /* SHOT_LAMP: the exposures disagree; nothing is written */
-    gint64 saturated;    /* SHOT_LAMP: number of pixels that are saturated in every exposure */
-    gboolean laser_seen; /* SHOT_SWEEP: the frame after the laser was switched off is not dark */
+    double signal_dn; /* for SHOT_LAMP: mean of the longest exposure above dark, in DN */
+    /* For SHOT_DARK: mean dark level in DN of the exposure for which it is highest. */
+    double dark_dn;
+    /* for SHOT_LAMP: marks that this camera saw, as struct fiducial_seen, or NULL */
+    const GArray *marks;
+    /* for SHOT_LAMP: the exposures contradict each other, and nothing was written */
+    gboolean uneven;
+    gint64 saturated; /* for SHOT_LAMP: number of pixels that are saturated in every exposure */
+    /* for SHOT_SWEEP: the frame after the laser was switched off still shows the laser */
+    gboolean laser_seen;
 };
 
 struct intake_hooks {
     void (*result)(const struct intake_result *result, gpointer data); /* valid during the call */
-    void (*room)(gpointer data); /* the intake was full, and can take frames again */
+    void (*room)(gpointer data); /* called when the intake was full and can take frames again */
     gpointer data;
 };
 
-/* Borrows everything in setup, and the shots of frames that are given later. */
+/* Makes an intake. Everything in setup is borrowed, and so are the shots of frames that are given
+ * later. */
 Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *hooks);
 
 /* Drops the shots under way and waits for the workers. NULL is ignored. */
 void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 
-/* Takes the next frame of a camera, in order of sub. taken->row.captured_s must be set. The intake
- * takes a reference of the frame. */
+/* Takes the next frame of a camera. The frames of a shot come in the order of their `sub`.
+ * taken->row.captured_s must be set. The intake takes a reference of the frame. */
 void intake_take(Intake *intake, const struct taken_frame *taken);
 
-/* Returns whether too many frames wait for the workers. No camera may then be triggered until the
- * hook `room` is called. A virtual clock is held meanwhile, because writing takes no simulated
+/* Returns whether too many frames wait for the workers. If so, no camera may be triggered until the
+ * hook `room` is called. A virtual clock stands meanwhile, because writing takes no simulated
  * time. */
 gboolean intake_is_full(const Intake *intake);
 
-/* Forgets all shots whose results have not been returned. Their results are dropped. */
+/* Forgets all shots whose results have not been returned, and drops their results. */
 void intake_discard(Intake *intake);
 
-/* Reads a camera's dark levels from the file of an earlier dark shot. To be called before the first
- * frame. */
+/* Reads a camera's dark levels from the file of an earlier dark shot. Call it before the first
+ * frame. Returns FALSE with an error if the file cannot be read. */
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error);

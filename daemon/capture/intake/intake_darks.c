@@ -2,9 +2,10 @@
 
 #include <math.h>
 
-/* Estimates the dark level of each pixel at an exposure. With dark frames at two exposures,
- * interpolates linearly between the pixel's two values, or extrapolates. With dark frames at one
- * exposure, uses the values of that exposure. Otherwise uses the sensor's nominal black level. */
+/* Estimates the dark level of each pixel at an exposure for which there are no dark frames. With
+ * dark frames at two exposures, the level is a linear function of exposure through the pixel's two
+ * values. With dark frames at one exposure, their values are used. Without dark frames, the
+ * sensor's nominal black level is used. */
 static void guess_dark(const struct intake_darks *darks, gint64 exposure_us, const Frame *frame,
                        struct intake_dark *ret) {
     const struct intake_dark *known[2] = {NULL, NULL};

@@ -14,10 +14,10 @@ static const char *const marked_channels[] = {"Y", "saturated", NULL};
 static const char *const sweep_channels[] = {"intensity",   "peak",  "second_intensity",
                                              "second_peak", "width", NULL};
 
-#define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
+#define HALF_BITS 11 /* maximum number of bits of an integer that a half float stores exactly */
 
-/* Up to this number of pixels, compression saves little and takes longer than all other work on a
- * frame. */
+/* Frames of at most this number of pixels are not compressed. Compression would save little and
+ * take longer than all other work on the frame. */
 #define SMALL_PIXELS (256 * 256)
 
 static enum exr_compression compression_of(const struct intake_file *file) {
@@ -64,8 +64,8 @@ static void fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
-/* Writes exr to the file of the shot, syncs it, and sets path, sha256 and bytes of ret_frame. Frees
- * exr in any case. */
+/* Writes exr to the file of the shot, syncs the file, and sets path, sha256 and bytes of ret_frame.
+ * Frees exr, even on failure. */
 static gboolean intake_write_frame(const struct intake_file *file, struct exr_file *exr,
                                    struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Minimum mean difference of two exposures that disagree, as a part of full scale. */
+/* Minimum mean difference, as a part of full scale, from which two exposures may count as
+ * contradicting each other. */
 #define UNEVEN_PART 0.0025
 
 int radiance_saturation(int bits) {
@@ -26,9 +27,9 @@ static double mean_above(const Frame *frame, const float *dark) {
     return n > 0 ? sum / n : 0;
 }
 
-/* Returns the signal x for a pixel of y = x·(1 − bend·x) DN above dark. Beyond the vertex of the
- * parabola there is no solution; the result is then continued from the vertex in proportion to
- * y. */
+/* Returns the signal x of a pixel from its value y = x·(1 − bend·x) DN above dark. Beyond the
+ * vertex of the parabola there is no solution. The result is then proportional to y, with the
+ * factor at the vertex. */
 static inline float straight(float above_dark, float bend) {
     if (bend == 0)
         return above_dark;
@@ -36,13 +37,16 @@ static inline float straight(float above_dark, float bend) {
     return 2 * above_dark / (1 + sqrtf(MAX(root, 0)));
 }
 
-/* The value of a pixel is Σ x_i / Σ t_i, with x_i DN above dark at exposure t_i. The sums go over
- * the first k exposures, the shortest first. Exposure k is the longest one that is below the limit
- * according to this mean. If instead each exposure whose own value is above the limit were left
- * out, exposures that are brighter because of noise would be missing, and the mean would be too
- * dark. The error of this mean is uncorrelated with the additional error of a mean of fewer
- * exposures, because weights by exposure are optimal for photon noise. The choice of k therefore
- * causes no bias. */
+/* The value of a pixel is Σ x_i / Σ t_i, where x_i is the value in DN above dark at the exposure
+ * t_i. The sums go over the first k exposures, the shortest first. Exposure k is the longest one at
+ * which a pixel of this mean value is not saturated.
+ *
+ * It would be wrong to leave out each exposure that is saturated itself. Exposures that are
+ * brighter because of noise would then be missing, and the mean would be too dark.
+ *
+ * The choice of k causes no bias. The reason is that weights by exposure are optimal for photon
+ * noise: the error of the mean over all exposures is then uncorrelated with the additional error of
+ * a mean over fewer exposures. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;

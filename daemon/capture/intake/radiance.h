@@ -1,11 +1,11 @@
 /*
- * Converts raw pictures to linear radiance: means of dark frames, merging of an exposure bracket.
- * Pure functions on arrays; any thread.
+ * Converts raw pictures to linear radiance: means of dark frames, and merging of an exposure
+ * bracket. The functions are pure and work on arrays. Any thread may call them.
  *
  * Values are DN above dark per millisecond of exposure at 0 dB. Radiance is such a value times 1000
  * divided by the camera's response (DN per second per W·sr⁻¹·m⁻²), apart from vignetting. The unit
- * is a millisecond because 4095 DN in half a millisecond are 8.2e6 DN/s, which exceeds the range of
- * a half float.
+ * of time is the millisecond because of the range of a half float: 4095 DN in half a millisecond
+ * would be 8.2e6 DN/s, which exceeds the range.
  */
 #pragma once
 
@@ -16,31 +16,34 @@ int radiance_saturation(int bits);
 gint64 radiance_saturated(const Frame *frame); /* number of saturated pixels */
 
 struct radiance_stats {
-    /* Number of pixels that are saturated in every exposure. They have the value of the shortest
-     * exposure. */
+    /* Number of pixels that are saturated in every exposure. These pixels get the value of the
+     * shortest exposure. */
     gint64 saturated;
     double signal_dn; /* mean of the longest exposure above dark, in DN */
 };
 
-/* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
- * pixel at the exposure of frame i. ret has width × height values, and *ret_stats describes them.
+/* Merges n ≥ 1 frames of the same size, the shortest exposure first. dark[i] is the dark level of
+ * every pixel at the exposure of frame i. ret gets width × height values, and *ret_stats describes
+ * them.
  *
- * The exposures of a pixel are weighted by their length. Saturated exposures are left out. Whether
- * an exposure is saturated is decided by the merged value instead of its own noisy value, so that
- * noise causes no bias. The curvature of the sensor is corrected first: a signal of x DN is read as
- * x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is 0 for a linear sensor. */
+ * The exposures of a pixel are weighted by their length. Exposures that are saturated at the merged
+ * value of the pixel are left out. The pixel's own value in an exposure does not decide this,
+ * because its noise would cause a bias.
+ *
+ * The curvature of the sensor is corrected first: a signal of x DN is read as x·(1 − bend_per_dn·x)
+ * DN above dark. bend_per_dn is 0 for a linear sensor. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
-/* Returns whether the exposures of one light disagree, for instance because the lamp has failed
- * between them. They disagree if a longer exposure is darker than the shorter one before it, or
- * has more than twice the signal that the shorter one predicts. Only pixels that neither of
- * these two exposures saturates are compared. A difference below 0.25 % of full scale does not
- * count, because the dark level may have drifted. Frames and dark are as for radiance_merge(). */
+/* Returns whether the exposures of one light contradict each other, for instance because the lamp
+ * has failed between them. They do if an exposure is darker than the shorter one before it, or has
+ * more than twice the signal that the shorter one predicts. Only pixels that neither of these two
+ * exposures saturates are compared. A difference below 0.25 % of full scale does not count, because
+ * the dark level may have drifted. frames, dark and n are as for radiance_merge(). */
 gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n);
 
 /* Returns the smallest merged value, in DN/ms, at which a pixel with this dark level is saturated
- * in an exposure. */
+ * at this exposure. */
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
                         double bend_per_dn);
 
