@@ -17,8 +17,9 @@ G_BEGIN_DECLS
  * marker, without the black border, or 0 if the name is unknown. ret_markers gets the number of
  * markers, and may be NULL. */
 int vision_dictionary(const char *name, int *ret_markers);
-/* Gives the cells × cells bits of a marker, row by row, where 1 is white. Returns FALSE if the
- * dictionary is unknown or has no marker with this number. */
+/* Gives the bits of the marker with the number id, row by row, where 1 is white. A marker has cells
+ * × cells bits (vision_dictionary()). Returns FALSE if the dictionary is unknown or has no marker
+ * with this number. */
 gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits);
 
 struct vision_marker {
@@ -35,9 +36,10 @@ GArray *vision_find_markers(const struct picture *picture, const char *dictionar
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error);
 
-/* Finds the inner corners of the largest chessboard in the picture, of any size from 3 × 3 inner
- * corners. Returns doubles x, y, row by row, and the number of corners in a row and in a column.
- * Rows may run in any direction. Returns NULL without an error if there is no chessboard. */
+/* Finds the inner corners of the largest chessboard in the picture, which must have at least 3 × 3
+ * inner corners. Returns doubles x, y, row by row, and the number of corners in a row and in a
+ * column. Rows may run in any direction. Returns NULL without an error if there is no
+ * chessboard. */
 GArray *vision_measure_chessboard(const struct picture *picture, int *ret_columns, int *ret_rows,
                                   GError **error);
 
@@ -52,8 +54,9 @@ GArray *vision_find_spots(const struct picture *picture, gboolean bright, GError
 gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
                              gboolean staggered, double *ret_xy_px, GError **error);
 
-/* Computes a robust homography (row by row, last element 1) from n pairs of points. ret_good (n)
- * flags the pairs within tolerance_px. Returns FALSE if no homography was found. */
+/* Computes a robust homography (row by row, last element 1) from n pairs of points. ret_good gets n
+ * values: 1 for a pair that agrees with the homography within tolerance_px, otherwise 0. Returns
+ * FALSE if no homography was found. */
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 

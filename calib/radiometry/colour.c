@@ -10,8 +10,8 @@
 #define FEW_PATCHES 6
 #define MAX_OFF     10.0 /* smallest RMS difference ΔE*ab at which a fit is refused */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-/* Smallest pivot relative to the trace. If a pivot is smaller, the patches do not span all
- * colours. */
+/* Smallest pivot of Σ w·rgb·rgbᵀ relative to its trace. If a pivot is smaller, the patches do not
+ * span all colours. */
 #define MIN_PIVOT 1e-6
 
 G_DEFINE_QUARK(colour_error, colour_error)

@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-/* Radii, in radii of the fiducial. */
+/* Radii around the centre of a fiducial, in units of its radius. */
 #define WINDOW     1.4  /* the window of the centroid */
 #define INNER      0.75 /* the white interior, which gives the level of white */
 #define WHOLE      0.95 /* pixels wholly within this radius are used for the lamp's output */
@@ -40,7 +40,9 @@
  * 1e-4. */
 #define STEPS 64
 struct node {
-    double x_mm, y_mm, white; /* rig frame; DN per ms, before colour factors */
+    /* x_mm and y_mm are in the rig frame. `white` is in DN per ms, without the factors of
+     * find_colours(). */
+    double x_mm, y_mm, white;
 };
 
 struct measuring {
@@ -305,8 +307,8 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     return area;
 }
 
-/* Returns the variance of each coordinate of the centroid, Σ σ_s² |x − x̄|² / 2 / area², where σ_s²
- * is the variance of a pixel's share of white. */
+/* Returns the variance of each coordinate of the centroid x̄, Σ σ_s² |x − x̄|² / 2 / area². The sum
+ * is over pixels x, and σ_s² is the variance of a pixel's share of white. */
 static double centroid_variance(const struct measuring *m, const double noise[2], double area,
                                 double middle_x, double middle_y) {
     double variance = 0;

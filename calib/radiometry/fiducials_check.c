@@ -28,7 +28,8 @@ struct checking {
     const struct rig *rig;
     const struct fiducial_seen *seen;
     int n;
-    double *slope; /* n × 2 × 3: derivatives in pixels per radian */
+    /* n × 2 × 3 derivatives of x and y with respect to up to three angles, in pixels per radian. */
+    double *slope;
     /* Three arrays of n numbers: the part of the displacements in x and in y that is not explained
      * yet, in pixels, and the weights 1 / variance. */
     double *off_x, *off_y, *weight;
@@ -83,7 +84,8 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
 }
 
 struct explained {
-    double angle[3], variance[3], gain; /* radians; gain is the decrease of χ² */
+    /* Angles in radians and their variances. `gain` is the decrease of χ². */
+    double angle[3], variance[3], gain;
 };
 
 /* Fits one hypothesis by weighted least squares. Returns FALSE if it cannot be solved. */

@@ -268,7 +268,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
 /* The signals y of one tile at all exposures t, for the fit of y = a·t·(1 − c·a·t / range). Each
  * tile has its own a; all tiles share c. */
 struct ramp {
-    double *t, *y, *weight; /* one block, which t owns */
+    double *t, *y, *weight; /* Three arrays in one block of memory, which is freed by freeing t. */
     int n;
     /* signal per second at small signals */
     double a;

@@ -8,7 +8,7 @@
 G_DEFINE_QUARK(radiometry_error, radiometry_error)
 
 #define CELLS      12 /* largest number of cells along a side of a picture */
-#define CELL_PX    16 /* smallest side of a cell */
+#define CELL_PX    16 /* smallest side of a cell in pixels */
 #define FEW_PIXELS 16 /* smallest number of pixels of a colour in a usable cell */
 /* Border of the tile that is left out, because it may be bevelled or soiled. */
 #define BORDER_MM 2

@@ -15,7 +15,7 @@ extern const struct command cli_calibrate;
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
     calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 
-extern char *calibrate_output, *calibrate_from; /* -o and -c */
+extern char *calibrate_output, *calibrate_from; /* values of the options -o and -c */
 extern gboolean calibrate_incomplete;           /* --incomplete */
 /* The text in calibration_part.method of a laser that was calibrated from photographs
  * (--images). */

@@ -1,4 +1,4 @@
-/* The page of --found. */
+/* Writes the page of --found (calibrate.h). */
 #include "calibrate.h"
 
 #include "base/png_bytes.h"
@@ -23,7 +23,7 @@ char *calibrate_found;
 struct shown {
     const struct calibrate_frame *frame;
     GArray *marks; /* of struct found_mark */
-    double rms_px; /* of the marks that were used */
+    double rms_px; /* RMS error of the marks that were used */
     int used, left_out;
 };
 

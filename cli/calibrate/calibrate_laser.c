@@ -159,8 +159,8 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
     return TRUE;
 }
 
-/* Keeps the residuals of single steps for the report. Finds the largest of them, and counts the
- * steps that are off by more than UNEVEN_MM. */
+/* Keeps the residuals of single steps of the sweeps for the report. Finds the largest of them, and
+ * counts the steps that are off by more than UNEVEN_MM. */
 static void keep_steps(struct job *job) {
     static const struct calibrate_column columns[] = {{"laser", "%.0f"},
                                                       {"arc_deg", "%.3f"},

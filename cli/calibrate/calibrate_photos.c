@@ -519,7 +519,8 @@ int photos_calibrate(const struct call *call, GError **error) {
     job.rejected = g_ptr_array_new_with_free_func(g_free);
     job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
     g_array_set_clear_func(job.lights, clear_light);
-    job.to = cli_output(calibrate_output, NULL, error); /* a list of lights has no comments */
+    /* the kind of file is NULL, because a list of lights can have no comments */
+    job.to = cli_output(calibrate_output, NULL, error);
     const gboolean ok = job.to && cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
     if (ok) {
         tell(call->record, &job);

@@ -8,7 +8,8 @@
 
 #include <math.h>
 
-/* Maximum number of frames that are searched for the board; each is the sharpest of its window. */
+/* Maximum number of frames that are searched for the board. Each of them is sharper than its
+ * neighbours. */
 #define MAX_KEPT   64
 #define MAX_CHOSEN 30
 /* Two boards count as one place if they are less than this part of the picture's width apart. */

@@ -21,7 +21,7 @@ typedef struct calibrate_video {
     Video *video;
     char *path, *checksum;
     GArray *chosen; /* chosen frames: their indices in video->frames, ascending, as guint */
-    int n_seen;     /* number of kept frames that show the board */
+    int n_seen;     /* number of searched frames that show the board */
 } CalibrateVideo;
 
 /* Returns NULL with an error if no frame of the video shows the board, or if the video cannot be

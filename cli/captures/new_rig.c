@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MAX_ID 60 /* bytes of the name of the rig */
+#define MAX_ID 60 /* maximum length of the rig's name in bytes */
 
 static char *kind_option, *lamps_option, *radius_option, *axes_option, *bank_option,
     *cameras_option;
@@ -324,7 +324,8 @@ static int run(const struct call *call, GError **error) {
         Take take;
     } asked[] = {
         {"kind", kind_option, "Kind of rig: dome, turntable or arc", take_kind},
-        {"bank", bank_option, NULL, take_bank}, /* before the lamps, which must fit it */
+        /* comes before the lamps, whose number the bank limits */
+        {"bank", bank_option, NULL, take_bank},
         {"lamps", lamps_option, "Number of lamps, or a file with their positions (.lp)",
          take_lamps},
         {"radius", radius_option, "Distance of the lamps from the sample, in mm", take_radius},

@@ -350,7 +350,8 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     monitor->patient = patient;
     monitor->begun_us = g_get_monotonic_time();
-    /* Changes that the daemon sent before its answer to our last call are still queued. */
+    /* Handle the changes that the daemon sent before its answer to our last call, because they are
+     * still queued. */
     while (g_main_context_iteration(NULL, FALSE))
         ;
     monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));

@@ -20,7 +20,7 @@ extern const struct command exchange_btf, exchange_points, exchange_mesh, exchan
 /* The format that an export writes. */
 struct exchange_format {
     const char *what;   /* the plural of the product, for instance "BTFs" */
-    const char *format; /* as in "Bonn's format" */
+    const char *format; /* name of the format, as it precedes the word "format": "Bonn's" */
     /* the ending of the file's name, with the dot; NULL if any name is accepted */
     const char *end;
     /* the kind of product for output_file_new(); NULL if a file of this format cannot say its

@@ -39,7 +39,7 @@ struct measured { /* the measurement of a camera under a light */
 struct choice {
     struct trial trial;
     const struct rig_timing *timing;
-    double dark[RIG_MAX_CAMERAS]; /* part of the range per microsecond, without a light */
+    double dark[RIG_MAX_CAMERAS]; /* dark signal per microsecond, as a part of the range */
     double arc_deg;
     GArray *lamps, *lines; /* of struct measured */
 };

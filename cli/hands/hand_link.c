@@ -5,7 +5,7 @@
 
 #include "rig_link.h"
 
-#define MAX_SIDE 65536 /* pixels */
+#define MAX_SIDE 65536 /* maximum width and height of a picture in pixels */
 
 char *hand_rig;
 

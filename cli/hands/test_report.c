@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-#define PICTURE_SIDE 480 /* pixels */
+#define PICTURE_SIDE 480 /* maximum width and height of a picture on the page in pixels */
 /* Minimum length in bytes of a path or address that is hidden. A shorter text could be part of any
  * word. */
 #define MIN_PLACE 4

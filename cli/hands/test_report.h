@@ -17,7 +17,7 @@ struct test_result {
     gboolean good;
     char *said; /* a sentence with figures, or the error and what to do about it */
     double seconds;
-    GArray *moves; /* of struct test_move; of an axis */
+    GArray *moves; /* moves of an axis, as struct test_move */
     /* These members are only for a light. on_s and off_s are the times in seconds until the device
      * has confirmed "on" and "off", or NAN if it has not.
      *
@@ -25,7 +25,7 @@ struct test_result {
      * it is the rise of the mean, and for a laser that of the brightest pixel. It is NAN if no
      * camera took a picture. */
     double on_s, off_s, rise_dn;
-    const char *confirmed; /* what a confirmed command means; static */
+    const char *confirmed; /* what a confirmed command of the driver means; a string constant */
 };
 
 /* A picture of a camera. */

@@ -12,7 +12,7 @@
 struct trial {
     Link *link;
     const struct session_conf *conf;
-    const struct rig *rig;                   /* nominal */
+    const struct rig *rig;                   /* the nominal rig */
     int cameras[RIG_MAX_CAMERAS], n_cameras; /* the cameras in the session's plan */
     /* The lamps in the session's plan. If there are more than four, four of them come first,
      * ordered by their irradiance on the sample according to the rig file: the brightest, the

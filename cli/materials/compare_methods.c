@@ -15,7 +15,9 @@ struct method_errors {
 struct methods {
     const struct compare_methods_asked *asked;
     struct held_out held;
-    struct codec_geometry *geometry, *rest_geometry; /* of btf, and of btf without held */
+    /* `geometry` is that of btf. rest_geometry is that of btf without the directions that are left
+     * out. */
+    struct codec_geometry *geometry, *rest_geometry;
     struct btf_matrix *btf;
     GArray *found; /* of struct method_errors */
 };

@@ -33,7 +33,7 @@ struct bench {
     const struct program_command *command;
     const char *class_name;
     struct bench_motion motion;
-    char *folder; /* for pictures */
+    char *folder; /* temporary folder for the program's pictures */
 
     struct program_process process;
     char *ended; /* says how the program has ended; NULL while it runs */

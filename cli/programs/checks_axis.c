@@ -206,7 +206,7 @@ gboolean check_axis_stops(struct bench *bench) {
            bench_do(bench, "stop", NULL) && move(bench, at(bench, 0.5));
 }
 
-/* “stop” arrives together with a “move”. */
+/* Checks a “stop” that the program gets together with the “move” before it. */
 gboolean check_axis_stop_overtakes(struct bench *bench) {
     guint64 id, stop;
     if (!ready_homed(bench) || !move(bench, at(bench, 0.25)))

@@ -150,7 +150,7 @@ gboolean check_camera_gain(struct bench *bench) {
     return shoot(bench, exposure(bench, EXPOSURE_US), 6);
 }
 
-/* Gives a picture up, and takes the next one. */
+/* Checks “stop” during an exposure, and then takes another picture. */
 gboolean check_camera_stop(struct bench *bench) {
     guint64 trigger, stop;
     if (!bench_ready(bench))
@@ -163,7 +163,7 @@ gboolean check_camera_stop(struct bench *bench) {
     bench_pass(bench, (int)MIN(STOP_MS, exposure_us / 2000));
     g_autofree char *line = bench_line(bench, "stop", NULL, &stop);
     bench_write(bench, line);
-    bench->exposure_us = 1; /* it may end earlier now */
+    bench->exposure_us = 1; /* the exposure may now end early */
     if (!bench_await(bench, stop, "“stop” while “trigger” runs", wait_ms, NULL))
         return FALSE;
     const struct bench_answer *answer =

@@ -113,7 +113,7 @@ gboolean check_lamps_stop(struct bench *bench) {
            expect_off(bench, "the second “stop”", READ_BACK);
 }
 
-/* “stop” arrives together with a “set”. */
+/* Checks a “stop” that the program gets together with the “set” before it. */
 gboolean check_lamps_stop_overtakes(struct bench *bench) {
     guint64 set, stop;
     if (!bench_ready(bench))

@@ -80,7 +80,7 @@ struct archive {
 
 /* A section of the rig file. */
 struct archive_device {
-    char *section; /* "camera top" */
+    char *section; /* heading of the section, such as "camera top" */
     char *driver;  /* "" for sections without one */
     /* The value of the first of these keys that the section has: device, serial, address, host,
      * line. The value is "" if it has none. */

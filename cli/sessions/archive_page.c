@@ -37,7 +37,7 @@ static void add_facts(GString *to, const struct archive *archive) {
     g_autofree char *time = compared(archive->clock_s, archive->predicted_s, report_duration);
     g_autofree char *disk =
         compared((double)archive->frame_bytes, archive->predicted_bytes, size_text);
-    /* "2026-01-31 12:00:00 UTC" */
+    /* A text such as "2026-01-31 12:00:00 UTC". */
     g_autofree char *created =
         g_strdup_printf("%.10s %.8s UTC", archive->created,
                         strlen(archive->created) > 18 ? archive->created + 11 : "");

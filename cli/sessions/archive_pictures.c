@@ -17,8 +17,10 @@
 #define ELEVATIONS 3
 #define LIGHTS     3
 #define BRIGHT     0.99 /* share of the values that are not clipped */
-#define SEEN_DEG   30.0 /* minimum difference between the polar angles that are shown */
-#define COLOURS    3
+/* Step between the polar angles for which the nearest views and lights are shown, beginning at
+ * 0. */
+#define SEEN_DEG 30.0
+#define COLOURS  3
 
 /* R, G, B of a picture, height × width × 3, linear. Values of top or more become white. */
 struct shown {

@@ -27,8 +27,8 @@
 #define BETTER       4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
 #define DISPLAY      2.2
 #define MAX_ALBEDO   1.05
-#define USUAL_ALBEDO 0.7   /* of a light material */
-#define MIN_ALBEDO   0.002 /* the blackest paints have more */
+#define USUAL_ALBEDO 0.7   /* albedo of a light material */
+#define MIN_ALBEDO   0.002 /* even the blackest paints have a larger albedo */
 #define MIN_SEEN     0.3
 /* Maximum part of the texels that the laser shows above the reference plane. */
 #define MAX_ABOVE 0.01

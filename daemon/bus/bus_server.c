@@ -22,7 +22,7 @@
 
 #define RESERVED_PART 8  /* 1/8 of the descriptors is kept free for devices and files */
 #define MAX_CLIENTS   64 /* largest number of connections of one process */
-#define JOIN_S        10 /* time within which a client must have authenticated itself */
+#define JOIN_S        10 /* time in seconds within which a client must have authenticated itself */
 /* Maximum number of descriptors that GLib opens for a client while the client authenticates itself.
  * GLib aborts the program if it cannot open one. */
 #define JOIN_FILES   4

@@ -17,7 +17,7 @@
 #include <glib.h>
 
 #define QUEUE_MAX       200        /* maximum number of sessions, including those that have ended */
-#define QUEUE_MAX_BYTES (32 << 20) /* largest size of the file */
+#define QUEUE_MAX_BYTES (32 << 20) /* largest size of the file in bytes */
 
 typedef struct Queue Queue;
 

@@ -201,7 +201,7 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
     g_autoptr(GPtrArray) warnings = NULL;
     struct devices then = *devices;
     if (begun_with && g_path_is_absolute(begun_with))
-        then.calibration_path = begun_with; /* the rig file may name another one */
+        then.calibration_path = begun_with; /* the rig file may now name another calibration */
     g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
     if (g_strcmp0(text, now_text) == 0)

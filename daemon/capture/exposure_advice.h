@@ -6,7 +6,7 @@
 
 struct exposure_retakes {
     int n;              /* number of pictures that were repeated because they were saturated */
-    gint64 shortest_us; /* the shortest exposure of such a repetition; 0 if there was none */
+    gint64 shortest_us; /* the shortest exposure of these repetitions in µs; 0 if there were none */
 };
 
 /* Counts a picture that is taken again, if it was saturated. shortened_us is the argument of the

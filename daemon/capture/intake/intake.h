@@ -3,8 +3,8 @@
  * a worker thread that takes its frames in order, and a second thread that finishes its sweeps. All
  * functions belong to the main loop's thread.
  *
- * The files are the contract with processing. session_frame_path() gives their names. Every part of
- * a file has these attributes:
+ * Processing reads the files that this module writes. session_frame_path() gives their names. Every
+ * part of a file has these attributes:
  *   mesorig.camera (string)
  *   mesorig.shot (int)
  *   mesorig.turntable_deg, mesorig.arc_deg (double): as commanded. If the picture was taken while
@@ -30,14 +30,16 @@
  * SHOT_SWEEP has one part "sweep" with the channels "intensity", "peak", "second_intensity",
  * "second_peak" and "width" (float), as in frames/sweep.h. mesorig.unit is "DN". mesorig.laser
  * (string) names the laser. Step k of the sweep is taken at the angle from + (to − from)·k/(steps
- * − 1), with the attributes sweep.from_deg, sweep.to_deg (double) and sweep.steps (int). With
+ * − 1), which the attributes sweep.from_deg, sweep.to_deg (double) and sweep.steps (int) give. With
  * laser_short_us, two frames are taken at each step, the one with the short exposure first
- * (sweep_set_shorter()). With keep_laser_frames, each frame is also kept as
- * laser/SHOT_CAMERA/0000.exr (0000_short.exr): part "frame", channel "Y", raw DN, float, or half
- * for at most 11 bits.
- * With keep_exposures, each frame of the other shots is kept in the same way, with its index in the
- * shot instead of the step. Raw frames also have the attributes mesorig.exposure_us (double) and
- * mesorig.bits (int).
+ * (sweep_set_shorter()).
+ *
+ * With keep_laser_frames, each frame of a sweep is also kept as a raw frame, in the file
+ * laser/SHOT_CAMERA/0000.exr or, with the short exposure, 0000_short.exr. The number is the step.
+ * The file has a part "frame" with the channel "Y" in raw DN: float, or half for at most 11 bits.
+ * With keep_exposures, each frame of the other shots is kept in the same way; the number is then
+ * the index of the frame in the shot. Raw frames also have the attributes mesorig.exposure_us
+ * (double) and mesorig.bits (int).
  *
  * The time when a frame was taken is stored only in the database of the session. The files of a
  * shot that is taken again are therefore equal, byte for byte, to those of an undisturbed shot.

@@ -11,7 +11,7 @@ struct intake_file {
     const char *camera_name;
     const char *source_name; /* name of the lamp or laser; NULL for dark */
     const struct session_conf *conf;
-    const struct rig *rig; /* nominal, for the angles of arm and probe */
+    const struct rig *rig; /* the nominal rig, for the angles of arm and probe */
     const Frame *last;     /* the last of the frames that the file contains or was computed from */
     /* Angle of the turntable. If the turntable was turning, it is the angle in the middle of the
      * exposure of `last`. */
