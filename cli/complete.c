@@ -5,6 +5,7 @@
  * - FILE.exr is a file with this suffix,
  * - FILE, SOURCE, A and B are any file,
  * - RIG and SESSION are configuration files or folders.
+ *
  * Other placeholders have no candidates. There is one exception: if the type of an option is a file
  * name, any file is a candidate. */
 #include <gio/gio.h>

@@ -38,6 +38,7 @@ enum colour_error {
  * - the patches do not determine the matrix,
  * - the matrix does not map equal RGB to positive XYZ,
  * - the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more.
+ *
  * The white of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not
  * change ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,

@@ -89,6 +89,7 @@ struct fiducials_moved fiducials_moved(const struct rig *rig, const struct fiduc
  * - fiducials_moved_both() returns what is in a and in b.
  * - fiducials_moved_without() returns what is in a but not in b.
  * - fiducials_moved_union() returns what is in a, in b or in both.
+ *
  * fiducials_moved_any() returns whether a set is not empty. */
 struct fiducials_moved fiducials_moved_both(struct fiducials_moved a, struct fiducials_moved b);
 struct fiducials_moved fiducials_moved_without(struct fiducials_moved a, struct fiducials_moved b);

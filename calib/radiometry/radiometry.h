@@ -64,10 +64,11 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
                        double x_px, double y_px);
 
 /* Computes the veiling glare of a picture behind each filter: glare / (1 + glare) times the mean of
- * the finite pixels there. mosaic is as in frames/rectify.h, in any unit. For a picture with the
- * cfa "rgb", call this function once for each plane, with the cfa "mono". ret_mean gets the means
- * of red, green and blue pixels, including the glare. ret_mean and ret_glare are 0 for a colour
- * without pixels. */
+ * the finite pixels there. ret_mean gets the means of red, green and blue pixels, including the
+ * glare. ret_mean and ret_glare are 0 for a colour without pixels.
+ *
+ * mosaic is as in frames/rectify.h, in any unit. For a picture with the cfa "rgb", call this
+ * function once for each plane, with the cfa "mono". */
 void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,
                       int height, const float *mosaic, double ret_mean[3], float ret_glare[3]);
 
@@ -129,6 +130,7 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
  * - no cell is dark enough,
  * - the glare found is brighter than the darkest cells,
  * - the standard error of the glare is 0.2 % or more.
+ *
  * After FALSE, *ret_error is 0, with one exception: in the third case, if the glare found is more
  * than three times its standard error, *ret_error is √(glare² + standard error²). */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,

@@ -302,6 +302,7 @@ static struct mistake mistake_of(double turntable, double arc) {
  * - radians instead of degrees,
  * - two exchanged lamps,
  * - lamps that are numbered from the other end, or by one too high or too low.
+ *
  * Each mistake is tried on many pictures. If there are many lamps, only lamps with neighbouring
  * numbers are therefore exchanged.
  *

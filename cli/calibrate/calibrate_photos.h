@@ -19,6 +19,7 @@ extern double photos_within_deg;
 /* Writes an .lp file to -o, as RTI programs read it. The first line of the file is the number of
  * photographs. Each further line has the name of a photograph and the direction of its light: x to
  * the right, y up, z to the camera. With photos_dome_mm, a line has the position of the lamp in mm,
- * relative to the middle of the dome, instead of the direction. If there are several balls, the
- * record also contains the lamp's place. Returns an exit code. */
+ * relative to the middle of the dome, instead of the direction.
+ *
+ * If there are several balls, the record also contains the lamp's place. Returns an exit code. */
 int photos_calibrate(const struct call *call, GError **error);

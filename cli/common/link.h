@@ -11,6 +11,7 @@ typedef struct Link Link;
  * - the daemon of MESORIG_ADDRESS,
  * - the only daemon that this user can reach: among the user's own daemons and those on the system
  *   bus and the session bus.
+ *
  * If there are several in the last case, the error lists them. If there is none, the error says how
  * to start one. */
 Link *link_find(const char *directory, GError **error);

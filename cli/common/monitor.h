@@ -46,6 +46,7 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
  * - a fault pauses it, unless patient is TRUE,
  * - Ctrl-C pauses it, or leaves it running,
  * - the daemon is lost.
+ *
  * If patient is TRUE, somebody may repair the rig after a fault and continue the capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 

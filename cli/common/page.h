@@ -9,6 +9,7 @@
  * - "wide" for an element that contains a table, which can then be scrolled,
  * - "n" for cells with numbers,
  * - "pass", "warning", "failure" and "faint" for colours.
+ *
  * Returns the page. page_end() takes ownership of it. */
 GString *page_begin(const char *title);
 

@@ -27,6 +27,7 @@ struct before_capture {
  * - a device has failed,
  * - the calibration has a mistake,
  * - the session file has "auto", and its plan has a mistake.
+ *
  * Other mistakes are not reported here, because the method Start reports them. */
 gboolean before_capture(Link *link, const struct before_capture *what, char **ret_chosen,
                         GError **error);

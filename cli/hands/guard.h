@@ -25,6 +25,7 @@ gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *ri
  * - a camera that saturates, stays dark, or sees no lamp,
  * - a lamp that no camera sees,
  * - fiducials that are not where the calibration has them.
+ *
  * *ret_shots is the number of test shots. Returns NULL with an error if a device has failed. */
 GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct rig *rig,
                      const struct calibration *calibration, int *ret_shots, GError **error);

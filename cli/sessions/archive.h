@@ -106,6 +106,7 @@ const char *archive_verdict_name(enum archive_verdict verdict); /* "pass", "warn
  * - the first lamp frame of each camera, for at most 32 cameras,
  * - the BTF from three polar angles of view under three lights,
  * - the surface according to the MDF of the steepest view.
+ *
  * Missing pictures are left out. Returns FALSE with an error if the database cannot be read or if
  * the work is cancelled. */
 gboolean archive_add_pictures(struct archive *archive, const struct work *work, GError **error);

@@ -52,6 +52,7 @@ gboolean check_directions(const struct btf_matrix *btf, struct check_directions 
  * - values that contradict reciprocity,
  * - lights that are dark in all views,
  * - too much or too little energy.
+ *
  * Only the first that applies is named, because it causes the others. Returns FALSE with an error
  * if the values cannot be read. */
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,

@@ -9,6 +9,7 @@
  * Each possible mistake is undone, and s is compared with that of the values B:
  * - a wrong black level: B − p, with the p that minimises Σ (a − b)²,
  * - wrong tones: B^(1/2.2) and B^2.2, which are close to undoing sRGB in either direction.
+ *
  * Only pairs with different polar angles show such a mistake.
  */
 #include "check.h"

@@ -8,6 +8,7 @@
  * - a SetLaser or SetLamp that switches off,
  * - calls from clients of --listen, who are the daemon's own user,
  * - calls on a session bus.
+ *
  * If polkit is not installed, only the bus's policy decides. On every bus, calls that give light,
  * move or begin a session are refused while the safe state is latched (bus_latch.h). The struct is
  * owned by the Bus. All functions belong to the main loop's thread.

@@ -12,6 +12,7 @@
  * - a capture is about to begin,
  * - SafeState is called,
  * - the rig is about to be closed.
+ *
  * While an interlock is open, no laser is switched on and no axis is moved. The struct is owned by
  * the Bus. All functions belong to the main loop's thread.
  */

@@ -10,6 +10,7 @@
  * - bus_hands.h: devices by hand
  * - bus_run.h: the session that is being captured
  * - bus_unattended.h: the queue of sessions
+ *
  * Three files see the whole Bus: bus.c, bus_calls.c, which answers the methods of org.mesorig.Rig1,
  * and bus_sessions.c, which answers the methods about sessions. All functions belong to the main
  * loop's thread.

@@ -11,6 +11,7 @@
  * - the rig has a fault,
  * - two sessions in a row have stopped,
  * - Abort or SafeState was called.
+ *
  * When the queue is empty, lamps and lasers are switched off, and all axes are parked, except those
  * that sweep lasers.
  */

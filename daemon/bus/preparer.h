@@ -58,6 +58,7 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
  * - PREPARER_CHECK: the report of the plan (report.h),
  * - PREPARER_EXAMINE: a string, which is a warning for capture_go_on() or empty,
  * - PREPARER_BEGIN: an empty string.
+ *
  * Returns NULL with an error on failure. The error is that of the task, that of starting the child,
  * or one of these:
  * - BUS_ERROR_LIMIT if the child needed too much time or memory,

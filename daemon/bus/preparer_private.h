@@ -13,6 +13,7 @@
  * - the texts of session and calibration (empty if they have to be read),
  * - the lines for session_conf_choose() (empty for none),
  * - a struct bus_caller as bytes, or no bytes.
+ *
  * PREPARER_REQUEST is the format for g_variant_new(), in which "@ay" stands for structs and "^ay"
  * for texts. */
 #define PREPARER_REQUEST_TYPE "(siiutayayayayaydayayayayayay)"

@@ -84,6 +84,7 @@ struct capture_callbacks {
  * - the directory exists already,
  * - the disk has too little space,
  * - a pose is blocked.
+ *
  * directory may be NULL; directory and disk are then not checked. Returns the plan on success, to
  * be freed with plan_free(). Otherwise returns NULL with an error. */
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,

@@ -1,8 +1,9 @@
 /* Finds lasers that stay lit although they were switched off. A relay that sticks reports that it
  * is open, so only a picture shows that the laser is lit. The last frame of a sweep is such a
  * picture, because it is taken after the laser was switched off. If a sweep is interrupted by a
- * pause, this picture is missing, and the laser counts as not checked. The struct belongs to the
- * Capture. All functions belong to the main loop's thread. */
+ * pause, this picture is missing, and the laser counts as not checked.
+ *
+ * The struct belongs to the Capture. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "capture_mount.h"

@@ -1,8 +1,10 @@
 /* The session that is being captured: the contents of its directory, its clock and its events. The
  * struct is owned by the Capture, and is used from capture_session_open() to
- * capture_session_close(). The parts of a capture borrow it. They may read all members, and write
- * to the session with the functions below. Only capture.c and capture_run.c change the state of a
- * shot, n_shots and n_done, and start the clock. All functions belong to the main loop's thread. */
+ * capture_session_close(). All functions belong to the main loop's thread.
+ *
+ * The parts of a capture borrow the struct. They may read all members, and write to the session
+ * with the functions below. Only capture.c and capture_run.c change the state of a shot, n_shots
+ * and n_done, and start the clock. */
 #pragma once
 
 #include "calibration/calibration.h"
