@@ -55,7 +55,8 @@ struct job {
     struct calibrate_video *video; /* NULL unless --images names a video */
     gboolean turns; /* the rig file of a session has a turntable, or the turntable has turned */
     /* Median, smallest and largest of the focal lengths that the EXIF data of the photographs give,
-     * in pixels. All are 0 if no photograph has one. exif_said says from where the first one is. */
+     * in pixels. All are 0 if no photograph has one. exif_said names the source of the first
+     * one. */
     double exif_px, exif_least_px, exif_most_px;
     char *exif_said;
     /* With --board-azimuth: azimuth of the board's x axis before the rig was turned. */

@@ -51,7 +51,8 @@ struct job {
     int n_balls;
     double focal_px;    /* 0 if not known */
     struct vec3 middle; /* middle of the dome in the frame of the highlights, in radii of a ball */
-    /* Says from where the focal length of a photograph is; NULL if the user gave it. */
+    /* Source of the focal length in the data of a photograph; NULL if the user gave the focal
+     * length. */
     char *focal_said;
     GPtrArray *names; /* paths */
     /* Mean over the pictures that are not overexposed. Each pixel has the mean of the square roots

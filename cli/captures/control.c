@@ -199,9 +199,9 @@ static int run_safe(const struct call *call, GError **error) {
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
         record_say(call->record, "%-10s %-16s %s\n", class_name, name, state);
-        /* The answer "sent …" belongs to a device that cannot be read back. Any other answer than
-         * these two means that the device has not confirmed its state, or that the daemon is too
-         * busy to ask its devices. */
+        /* The answer "sent …" belongs to a device that cannot be read back. Any answer other than
+         * "read back" and "sent …" means that the device has not confirmed its state, or that the
+         * daemon is too busy to ask its devices. */
         if (!g_str_equal(state, "read back") && !g_str_has_prefix(state, "sent"))
             g_string_append_printf(open, "%s%s %s (%s)", open->len ? ", " : "", class_name, name,
                                    state);

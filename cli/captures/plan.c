@@ -30,7 +30,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Makes the plan by the daemon that has the rig open. */
+/* Lets the daemon that has the rig open make the plan. Returns NULL with an error on failure. */
 static GVariant *remotely(Link *link, const char *session, const char *directory, GError **error) {
     gboolean ok = FALSE;
     g_autofree char *text = NULL;

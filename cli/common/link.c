@@ -83,9 +83,9 @@ Link *link_on_bus(const char *bus, GError **error) {
     return NULL;
 }
 
-/* Runs in the new process between fork and exec. A new session keeps Ctrl-C from reaching the
- * daemon, because the daemon gets its requests over the bus. The daemon is ended when this process
- * ends. */
+/* Runs in the new process between fork and exec. setsid() puts the daemon into a session of its
+ * own, so that Ctrl-C in the terminal reaches only this process. The daemon gets its requests over
+ * the bus, and is ended when this process ends. */
 static void prepare_daemon(gpointer parent) {
     setsid();
     prctl(PR_SET_PDEATHSIG, SIGTERM);

@@ -14,7 +14,7 @@ void progress_free(Progress *progress); /* leaves the bar on the screen; NULL is
 void progress_end(Progress *progress);
 
 /* Shows a fraction of 0 … 1, and text to the right of the bar. The bar is drawn at most ten times
- * per second. If `now` is TRUE, it is drawn in any case. */
+ * per second. A call with `now` TRUE always draws it. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
 /* Sets the text above the bar. It appears when the bar is drawn the next time, and only on a

@@ -108,8 +108,8 @@ gboolean bench_await_end(struct bench *bench, int wait_ms);
  * and the next answer is missing. */
 void bench_write(struct bench *bench, const char *text);
 
-/* Returns the line of a request, to be freed with g_free(). The request gets a new id, which
- * *ret_id is set to. The function takes ownership of params, which may be NULL. */
+/* Returns the line of a request, to be freed with g_free(). *ret_id is set to the id of the
+ * request, which is new. The function takes ownership of params, which may be NULL. */
 char *bench_line(struct bench *bench, const char *method, JsonObject *params, guint64 *ret_id);
 
 /* Waits for the answer to the request with this id. Returns FALSE with a verdict if no answer comes

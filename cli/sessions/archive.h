@@ -40,7 +40,7 @@ struct archive_ring {
      * - `holes`: texels that no usable pixel shows,
      * - `bounds`: lower bounds, because the camera was saturated at every exposure,
      * - `shorter`: values from only the shorter exposures,
-     * - `predicted`: values that were predicted. */
+     * - `predicted`: values that were computed from other pictures and not measured. */
     double holes, bounds, shorter, predicted;
     double sigma; /* median over pictures of σ / value */
     /* Shares of the MDF's texels: `measured` in the view itself, and `supplied` by other views. */

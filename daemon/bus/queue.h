@@ -4,8 +4,8 @@
  * functions belong to the main loop's thread.
  *
  * When a function that changes the list returns, the change is on disk and synced. If the change
- * cannot be written, the list is as it was before. There are two exceptions: queue_set(), and
- * queue_pause() with a reason, change the list in any case.
+ * cannot be written, the list is as it was before, with two exceptions: queue_set(), and
+ * queue_pause() with a reason, have changed the list even then.
  *
  * The file belongs only to the user of this program (mode 0600). It says for which user sessions
  * are captured, and into which directories. Therefore a file that other users could have written is

@@ -51,8 +51,8 @@ static void count(struct capture_bytes *bytes, const struct capture_session *ses
 }
 
 /* Returns the ratio of stored to planned bytes for frames of this kind and camera. If no such frame
- * is stored yet, returns the ratio for the stored frames of all kinds and cameras, or 1 if there
- * are none. Returns 1 if the sizes do not vary. */
+ * is stored yet, returns the ratio for frames of this kind of all cameras, or 1 if none of them is
+ * stored. Returns 1 if the sizes do not vary. */
 static double ratio(const struct capture_bytes *bytes, const struct capture_session *session,
                     int kind, int camera) {
     double sum = 0, planned = 0;

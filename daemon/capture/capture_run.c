@@ -194,8 +194,8 @@ static void pause_for_mounting(Capture *capture) {
 static void when_all_is_committed(Capture *capture) {
     const struct run_shots *run = &capture->run;
     /* After a pause, some shots are held in flight until the lasers are checked (capture_lasers.h).
-     * If the pause has postponed a sweep that checks a laser, these shots cannot be stored now, and
-     * the capture does not wait for them. */
+     * If a further pause has postponed a sweep that checks a laser, the held shots cannot be stored
+     * now, and the capture does not wait for them. */
     const gboolean held = run->n_committed < run->n_held && flights_are_back(&capture->flights);
     if (!capture->all_taken || !(flights_n(&capture->flights) == 0 || held))
         return;
