@@ -1,5 +1,5 @@
-/* Pictures on a terminal, as sixels (coloured pixels) or as half blocks (characters “▀” with two
- * colours). */
+/* Pictures on a terminal, as sixels (coloured pixels) or as half blocks (characters such as “▀” in
+ * two colours). */
 #pragma once
 
 #include <glib.h>
