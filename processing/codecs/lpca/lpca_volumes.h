@@ -1,7 +1,7 @@
 /* A local PCA as the 3D textures from which Schneider 2004 §6 draws it. Each table is a block of n
- * × n × (n² + 1) samples over a grid of directions (lpca_resample.h), indexed by the view (s_v,
- * t_v) and then by the light t_l · n + s_l. The last light is a uniform sky. Pure functions, any
- * thread. */
+ * × n × (n² + 1) samples over a grid of directions (lpca_resample.h). (s, t) are the column and row
+ * of a direction in the grid. The indices of a sample are the view (s_v, t_v) and the light t_l · n
+ * + s_l. The last light, index n², is a uniform sky. Pure functions, any thread. */
 #pragma once
 
 #include "lpca.h"

@@ -9,8 +9,8 @@
 #define MOST   255 /* maximum of an end value */
 #define ROUNDS 4
 
-/* codes[i] is the index in the format (BC4) of the value i steps from the first end, if the first
- * end is larger. */
+/* The format BC4 has an index for each of the eight values. codes[i] is the index of the value that
+ * is i steps from the first end, if the first end is the larger one. */
 static const guint8 codes[STEPS + 1] = {0, 2, 3, 4, 5, 6, 7, 1};
 
 struct block {
@@ -44,8 +44,9 @@ static int whole_end(double value) {
     return (int)CLAMP(round(value), 0, MOST);
 }
 
-/* Finds the ends e that are best for the indices t = i / 7: min Σ ((1 − t) e_0 + t e_1 − d)² by its
- * normal equations [a b; b c] e = [x; y]. Returns FALSE if all indices are equal. */
+/* Finds the ends e_0 and e_1 that are best for the depths d and the given steps i, with t = i / 7.
+ * They minimise Σ ((1 − t) e_0 + t e_1 − d)². The normal equations are [a b; b c] e = [x; y].
+ * Returns FALSE if all steps are equal, because the equations then have no unique solution. */
 static gboolean fit_ends(struct block *block, const double *values) {
     double a = 0, b = 0, c = 0, x = 0, y = 0;
     for (int i = 0; i < TEXELS; i++) {
@@ -105,9 +106,9 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             fit(&block, values);
-            /* The first end must be larger, because the card otherwise interpolates only six
-             * values. If the ends are equal, all indices are 0, which stands for the first end in
-             * both cases. */
+            /* The larger end is stored first, because the card otherwise gets only six values from
+             * the two ends. If the ends are equal, all indices are 0, because index 0 always stands
+             * for the first end. */
             const gboolean swap = block.ends[0] < block.ends[1];
             const gboolean same = block.ends[0] == block.ends[1];
             guint64 bits = 0;
@@ -126,8 +127,9 @@ void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least
                        float *ret_depth) {
     for (int j = 0; j < height; j += SIDE)
         for (int i = 0; i < width; i += SIDE, blocks += MDF_BLOCK_BYTES) {
-            /* Computes the eight values of a block according to the format. If the first end is not
-             * larger, six values lead from end to end, and the last two are 0 and MOST. */
+            /* Computes the eight values of a block according to the format. If the first end is
+             * larger than the second, eight values lead from end to end. Otherwise six values do,
+             * and the last two values are 0 and MOST. */
             const int steps = blocks[0] > blocks[1] ? STEPS : STEPS - 2;
             double values[STEPS + 1] = {blocks[0], blocks[1], [6] = 0, [7] = MOST};
             guint64 bits = 0;

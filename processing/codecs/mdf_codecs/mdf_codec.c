@@ -123,7 +123,8 @@ static char *views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
-/* Gives the size in texels. (A pixel of the file is a block of texels.) */
+/* Gives the size of the views in texels. A pixel of the file is not a texel but a block of
+ * texels. */
 static char *blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;

@@ -18,8 +18,8 @@ struct mdf_codec_job {
 };
 
 struct mdf_codec_result {
-    /* n_terms: number of maps. n_traced: number of views that were added and traced along the
-     * surface. Both are 0 if the codec makes no maps. */
+    /* n_terms: number of maps, 0 if the codec makes no maps
+     * n_traced: number of views that were added and traced along the surface, 0 without maps */
     int n_terms, n_traced;
     gint64 bytes;       /* bytes in the memory of a renderer */
     double error_mm;    /* RMS error over the visible texels of the measured views */

@@ -10,10 +10,10 @@
 #include <string.h>
 
 #define MAX_MAP 255
-/* number of rounds if there are unseen texels. Each round but the first gives the unseen texels
- * depths from the factors of the round before */
+/* If there are unseen texels, the factors are computed this many times (rounds). Before each round
+ * but the first, the unseen texels get depths from the factors of the round before. */
 #define ROUNDS 6
-/* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
+/* minimum of an eigenvalue, relative to the largest eigenvalue; smaller eigenvalues count as 0 */
 #define LEAST 1e-9
 #define WIDER 1.25 /* factor between the numbers of maps that are tried on the way to a target */
 
@@ -66,7 +66,8 @@ static gboolean solve(struct factoring *f, GError **error) {
     return TRUE;
 }
 
-/* Returns how many of the first n factors, at least 1, have an eigenvalue above rounding errors. */
+/* Returns how many of the first n factors have an eigenvalue above rounding errors, but at least
+ * 1. */
 static int useful(const struct factoring *f, int n) {
     while (n > 1 && !(f->values[n - 1] > LEAST * f->values[0]))
         n--;
@@ -127,9 +128,10 @@ static gboolean prepare(struct factoring *f, int n_terms, GCancellable *cancella
     return TRUE;
 }
 
-/* Fits the weights of all views to the rounded maps m by least squares. With A = [m / 255 − ½; 1]
- * of c + 1 rows, whose numbers are about 1, W = D Aᵀ (A Aᵀ)⁻¹. The weights are then converted to
- * the weights of m, as the file has them. */
+/* Fits the weights W of all views to the c rounded maps m by least squares. A has c + 1 rows: m /
+ * 255 − ½ for each map, and a row of ones. Numbers of about 1 keep A Aᵀ well conditioned. D are the
+ * depths minus the mean of each view, and W = D Aᵀ (A Aᵀ)⁻¹, with a small number added to the
+ * diagonal of A Aᵀ. Then W is converted to the weights of m, which the file contains. */
 static gboolean fit_weights(struct mdf_factors *factors, const struct factoring *f,
                             GError **error) {
     const int n = f->n_texels, c = factors->n_terms, m = c + 1;
@@ -210,8 +212,8 @@ static struct mdf_factors *factors_of(const struct factoring *f, int n_terms, GE
 }
 
 /* Finds the smallest number of maps that reaches the target. Begins with the number that the
- * eigenvalues predict: rest = Σ λ_i of the left-out maps is the sum of squared errors before
- * rounding. Rounding adds errors, so that more maps may be needed. */
+ * eigenvalues predict. The sum of squared errors before rounding is rest, the sum of λ_i over the
+ * maps that are left out. Rounding adds errors, so that more maps may be needed. */
 static struct mdf_factors *search(const struct factoring *f, int most, double target_mm,
                                   GCancellable *cancellable, GError **error) {
     const double all = (double)f->n_views * f->n_texels;

@@ -44,11 +44,13 @@ typedef struct mdf_factors MdfFactors;
 void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
-/* Factors a table. Its first n_measured views were measured; the others are the views that
- * mdf_table_add_grazing() has added. Computes n_terms maps. With target_mm > 0, computes the
- * smallest number of maps, at most n_terms, whose error_mm is at most target_mm. If there is no
- * such number, fails, and the message gives the error of the largest number. A material without
- * relief has one map whose values are 0. Any thread. */
+/* Factors a table. Its first n_measured views were measured. The other views were added by
+ * mdf_table_add_grazing(). Computes n_terms maps if target_mm is 0.
+ *
+ * If target_mm > 0, computes the smallest number of maps whose error_mm is at most target_mm. If
+ * even n_terms maps have a larger error, fails, and the message gives this error.
+ *
+ * A material without relief has one map whose values are 0. Any thread. */
 struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_measured, int n_terms,
                                         double target_mm, GCancellable *cancellable,
                                         GError **error);

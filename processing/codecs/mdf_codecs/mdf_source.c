@@ -37,9 +37,9 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
     return source;
 }
 
-/* Gives the size of the tile of a compressed material or of an MDF. The part with texel_mm has a
- * pixel for each texel, with two exceptions. MDF blocks have the number of texels in attributes,
- * and eigen-maps have texels in other parts. */
+/* Gives the size of the tile of a compressed material or of an MDF. In most files, the part with
+ * texel_mm has a pixel for each texel. In a file of MDF blocks, attributes give the number of
+ * texels. In a file of eigen-maps, other parts have the pixels. */
 static gboolean file_size(const char *path, double ret_mm[2]) {
     g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
     const struct exr_part *map = file ? exr_file_part(file, "E000_light_0000") : NULL;

@@ -8,7 +8,9 @@ struct neural_crew {
     guint loop;   /* number of loops that were begun */
     int working;  /* number of threads that have not ended the loop */
     gboolean end; /* whether the threads must end */
-    int n, next;  /* n: number of blocks of the loop; next: next block to take (atomic) */
+    /* n: number of blocks of the loop
+     * next: next block to take (atomic) */
+    int n, next;
     WorkBlock func;
     gpointer data;
 };

@@ -16,8 +16,8 @@ static float scaled(const struct neural_scale *scale, int byte) {
     return scale->minimum + scale->step * (float)byte;
 }
 
-/* A layer. first_row is the number of its first row, counted through all layers. weights are its
- * bytes. */
+/* A layer of the network. first_row is the index of the layer's first row among the rows of all
+ * layers. weights are the bytes of the layer's weights. */
 struct layer {
     int first_row, n_rows, n_inputs;
     const guint8 *weights;
@@ -31,8 +31,8 @@ static struct layer layer_of(const struct neural *neural, int number) {
                           number == 0 ? inputs : NEURAL_HIDDEN, neural->weights + before[number]};
 }
 
-/* Returns the row of a layer at a place of a group of rows, or −1 if there is no row at this
- * place. */
+/* Returns the index of a row in its layer. The row is given by its group and by its place within
+ * the group. Returns −1 if the group has no row at this place. */
 static int row_at(const struct layer *layer, int group, int place) {
     const int apart = layer->n_rows == NEURAL_OUTPUTS ? COLOURS : GROUP;
     return place < apart ? group * apart + place : -1;

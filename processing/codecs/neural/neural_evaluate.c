@@ -17,7 +17,8 @@ LANES_INLINE quad quad_load(const float *from) {
     return ret;
 }
 
-/* Adds weight times the channels of an element to a column of n groups of rows. */
+/* Adds weight times the channels of an element to a column of inputs. A group is GROUP channels,
+ * and the element has n groups. */
 LANES_INLINE void add_channels(const float *channels, float weight, int n, quad *column) {
     for (int k = 0; k < n; k++)
         column[k] += weight * quad_load(channels + k * GROUP);
@@ -38,7 +39,8 @@ LANES_INLINE quad quad_clamp(quad x, float most) {
     return (quad)(~below & (quad_bits)x);
 }
 
-/* Does the same as neural_taps() for the surface, at the ends of all rays of a texel. */
+/* Finds the four elements of the surface, and their weights, at the ends of all rays of a texel.
+ * The results are those of neural_taps(). */
 LANES_INLINE void find_taps(const struct neural_numbers *numbers, const struct neural_ends *ends,
                             quad_bits at[4], quad weights[4]) {
     const float width = (float)numbers->width, height = (float)numbers->height;
@@ -129,7 +131,8 @@ LANES_INLINE void set_inputs(const struct neural_numbers *numbers, gboolean poin
     quad column[(NEURAL_MAX_INPUTS + GROUP - 1) / GROUP] = {{0}};
     for (int s = 0; s < n; s++) {
         const struct neural_query *query = &queries[s];
-        if (!query->shared) /* otherwise the column still has the values of the sample before */
+        /* if the ends are shared, the column still has the values of the sample before */
+        if (!query->shared)
             read_surface(numbers, points, &query->ends, column);
         memset(column + planes, 0, sizeof *column * 2 * (gsize)apart);
         read_plane(numbers->halves, query->half, column + planes);

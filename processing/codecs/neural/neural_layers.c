@@ -18,9 +18,9 @@ LANES_INLINE float lanes_sum(lanes x) {
     return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7]));
 }
 
-/* Sets `rows` rows of ret to bias + Σ weight · x. rows is a constant, so that the sums stay in
- * registers. weights is rows × n. x is n × NEURAL_BATCH; the first `vectors` vectors of each row of
- * x are used, an even number. */
+/* Sets `rows` rows of ret to bias + Σ weight · x. rows is a compile-time constant, so that the sums
+ * stay in registers. weights is rows × n, and x is n × NEURAL_BATCH. Of each row of x, the first
+ * `vectors` vectors are used. Their number is even. */
 LANES_INLINE void sum_rows(gsize rows, const float *weights, gsize n, const float *biases,
                            const lanes *x, gsize vectors, gboolean leaky, lanes *ret) {
     for (gsize v = 0; v < vectors; v += 2) {
@@ -81,7 +81,8 @@ LANES_INLINE void run(const struct neural_numbers *numbers, int n, struct neural
                 AMBIENT * softplus(outputs[(3 + c) * VECTORS + v] - AMBIENT_OFF);
 }
 
-/* Sets two rows and `columns` columns, a constant, of the result of multiply(). */
+/* Sets two rows and `columns` columns of the result of multiply(). `columns` is a compile-time
+ * constant. */
 LANES_INLINE void multiply_block(const lanes *a, const lanes *b, gsize columns, gsize n,
                                  float *ret) {
     lanes sums[2][4] = {{{0}}};

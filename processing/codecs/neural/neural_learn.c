@@ -17,8 +17,8 @@ void neural_transpose(const struct neural_numbers *numbers, float ret[NEURAL_MAX
     }
 }
 
-/* Adds the gradient by the elements of a plane that a sample has read. The gradient by these inputs
- * is in lesson->inputs, from row `first` on. */
+/* Adds the gradient of the loss by the elements of a plane that a sample has read. Row first + k of
+ * lesson->inputs is the gradient by the channel k that was read. */
 static void add_plane(const struct neural_lesson *lesson, int sample, int first, const float at[2],
                       float *gradient) {
     struct neural_taps taps;

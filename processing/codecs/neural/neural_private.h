@@ -43,7 +43,7 @@ static inline void neural_taps(float u, float v, int columns, int rows, struct n
     ret->weight[3] = a * b;
 }
 
-/* The ends of the rays of neural.h, step 1, in texels. A point has only the first. */
+/* The ends of the rays of neural.h, step 1, in texels. A point has only one ray, element 0. */
 struct neural_ends {
     float x[NEURAL_RAYS], y[NEURAL_RAYS];
 };
@@ -72,11 +72,11 @@ struct neural_batch {
 /* Sets the inputs of the first n samples. points is as for neural_make_queries(). */
 void neural_set_inputs(const struct neural_numbers *numbers, gboolean points,
                        const struct neural_query *queries, int n, struct neural_batch *batch);
-/* Steps 4 and 5: from inputs to colours of the first n samples. */
+/* Computes the colours of the first n samples from their inputs (steps 4 and 5 of neural.h). */
 void neural_run(const struct neural_numbers *numbers, int n, struct neural_batch *batch);
 
-/* Makes the height map of a model from points: heights and height_scale. Without points it is flat,
- * at the reference plane. */
+/* Makes the height map of a model from points: sets heights and height_scale. Without points, the
+ * map is flat and lies in the reference plane. */
 void neural_set_heights(struct neural *neural, const struct codec_geometry *geometry);
 
 /* Gradients of the loss by all numbers except the heights and the channels of the surface. Each
@@ -104,12 +104,13 @@ void neural_transpose(const struct neural_numbers *numbers, float ret[NEURAL_MAX
  * lesson->inputs with neural_add_surface(). */
 void neural_learn(const struct neural_numbers *numbers, const float *transposed, float share,
                   struct neural_lesson *lesson);
-/* Adds the gradient of a lesson by the channels of the surface: height × width × n_channels. */
+/* Adds a lesson's gradient by the channels of the surface to `gradient`, height × width ×
+ * n_channels. */
 void neural_add_surface(const struct neural_numbers *numbers, const struct neural_lesson *lesson,
                         float *gradient);
 
-/* Computes the layers of the lesson (neural_layers.c). From batch and lesson->targets, it computes
- * lesson->inputs, the gradients by weights and biases, and the loss. */
+/* Runs a lesson through the layers, forwards and backwards (neural_layers.c). From batch and
+ * lesson->targets, computes lesson->inputs, the gradients by weights and biases, and the loss. */
 void neural_run_back(const struct neural_numbers *numbers, const float *transposed, float share,
                      struct neural_batch *batch, struct neural_lesson *lesson);
 
@@ -144,14 +145,17 @@ struct neural_trainer {
     struct neural_group groups[NEURAL_GROUPS];
     struct neural_lesson *lessons; /* lessons of a step */
     struct neural_crew *crew;
-    int step, steps; /* step: number of steps that are done; steps: number of all steps */
+    /* step: number of steps that are done
+     * steps: number of all steps */
+    int step, steps;
 };
 
 /* Begins a training with random numbers. The arguments must outlive the trainer. */
 struct neural_trainer *neural_trainer_new(struct neural *neural, const struct btf_matrix *btf,
                                           const struct neural_options *options);
 void neural_trainer_free(struct neural_trainer *trainer);
-/* Draws the samples of a step, and adds the gradients of their mean loss to those of the groups. */
+/* Draws the samples of a step, and adds the gradients of their mean loss to the gradients of the
+ * groups. */
 void neural_trainer_learn(struct neural_trainer *trainer);
 /* Changes the numbers by a step of Adam. Gradients become 0. */
 void neural_trainer_step(struct neural_trainer *trainer);

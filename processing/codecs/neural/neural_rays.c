@@ -14,7 +14,7 @@
 #define SLOPE_END      0.375F /* half the length over which a slope is taken, in texels */
 #define FIRST          0.375F /* first distance of the scan of the horizon, in texels */
 #define STEP           0.25F  /* minimum step of the scan, in texels: half a cell */
-#define SIDE_BY_SIDE   4      /* number of vectors of rays that are halved together */
+#define SIDE_BY_SIDE   4      /* number of vectors of rays whose intervals are halved together */
 #define KEYS           64     /* number of keys by which samples are sorted (make_queries()) */
 #define KEYS_PER_TEXEL 2      /* number of keys for each texel of horizontal length */
 
@@ -44,7 +44,7 @@ LANES_INLINE lane_bits find_cells(lanes at, int n, gboolean repeats, lanes *ret_
 typedef float quad __attribute__((vector_size(16)));
 typedef double double_pair __attribute__((vector_size(16)));
 
-/* Returns the four cells around a place: z[0], z[1] and the two cells below them. Uses two loads of
+/* Returns z[0], z[1] and the two cells below them, z[columns] and z[columns + 1]. Uses two loads of
  * two numbers each. */
 LANES_INLINE quad load_cells(const float *z, gsize columns) {
     double_pair pairs;
@@ -104,7 +104,7 @@ struct rays {
     lanes above, below; /* the interval of heights in which a ray ends */
 };
 
-/* Finds the first intervals at whose lower end the rays are below the surface. */
+/* Finds, for each ray, the first interval at whose lower end the ray is below the surface. */
 LANES_INLINE void march(const struct neural_numbers *numbers, gboolean points, struct rays *rays) {
     const float range = numbers->top - numbers->bottom;
     lanes above = lanes_all(numbers->top), below = above;
@@ -282,8 +282,8 @@ static void find_directions(const float view[3], const float light[3], float ret
     }
 }
 
-/* Sorts n samples by their keys, which are below KEYS. The last sample follows LANES more times, to
- * fill the last vector. */
+/* Sorts the n samples `which` by their keys, which are below KEYS. After the n samples, ret repeats
+ * the last one LANES times, to fill the last vector. */
 LANES_INLINE void sort(const guint8 *keys, const int *which, int n, int *ret) {
     int ends[KEYS + 1] = {0};
     for (int i = 0; i < n; i++)
