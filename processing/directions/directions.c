@@ -51,8 +51,8 @@ static double phi_gap(const struct ring *ring, int k) {
 }
 
 /* Returns whether bilinear interpolation works on a ring. A ring needs azimuths all around, with
- * gaps that are not much larger than the gap to the next ring. Only the first ring may be a single
- * direction, which is then the pole. */
+ * gaps that are not much larger than the gap to the next ring. The first ring may also be a single
+ * direction, the pole. */
 static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     if (ring->n == 1)
         return first && ring->entries[0].theta <= POLE_DEG;
@@ -242,9 +242,10 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. If the direction
- * lies outside of the measured directions, returns the polar angle of their nearest point.
- * Otherwise returns an angle of at least *ret_theta. */
+/* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. Returns the polar
+ * angle, in degrees, down to which measured directions extend here. If the direction lies outside
+ * of the range of the measured directions, this is the polar angle of the nearest point of the
+ * range. Otherwise it is at least *ret_theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

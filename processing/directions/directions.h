@@ -4,10 +4,10 @@
  *
  * A rig measures rings: polar angles, each with any number of azimuths and any offset. The azimuths
  * of a ring may be slightly uneven. Rings are interpolated bilinearly in θ and φ. Above the topmost
- * ring the interpolation goes towards the pole, whose value is the mean of that ring unless a
- * direction was measured at the pole. Any other set of directions is triangulated (Delaunay, in the
- * stereographic plane). Outside the range of the measured directions, the value at the nearest
- * point of that range is used.
+ * ring the interpolation goes towards the pole. The value at the pole is the measured one, or the
+ * mean of the topmost ring if the pole was not measured. Any other set of directions is
+ * triangulated (Delaunay, in the stereographic plane). Outside the range of the measured
+ * directions, the value at the nearest point of that range is used.
  *
  * Tables over the hemisphere are square. A direction is first scaled to |x| + |y| + z = 1. Its
  * coordinates in the square are then a = x + y and b = x − y, both in [−1, 1]. */
@@ -19,7 +19,8 @@
 #define DIRECTIONS_ERROR directions_error_quark()
 GQuark directions_error_quark(void);
 enum directions_error {
-    DIRECTIONS_ERROR_RANGE, /* no directions, too many, not a number, or below the horizon */
+    /* no directions, too many directions, or an angle that is not finite or below the horizon */
+    DIRECTIONS_ERROR_RANGE,
 };
 
 #define DIRECTIONS_MAX 65000
@@ -64,11 +65,12 @@ void directions_weights(const Directions *directions, struct vec3 direction,
                         struct direction_weights *ret);
 
 /* Returns the factor by which reflectance, which contains n·l, falls from the nearest measured
- * light to this direction. The factor is 1 within the measured directions, cos θ / cos θ_nearest
- * outside of them, and 0 below the horizon. */
+ * light to this direction. Within the range of the measured directions the factor is 1. Outside of
+ * the range it is cos θ / cos θ_nearest, and below the horizon 0. */
 double directions_fade(const Directions *directions, struct vec3 direction);
 
-/* Returns directions_fade() and computes directions_weights(). */
+/* Does the work of both functions: returns directions_fade(), and computes directions_weights() as
+ * *ret. */
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 

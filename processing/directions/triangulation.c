@@ -20,8 +20,8 @@ struct Triangulation {
     int n;
     double *points; /* n × 2, displaced */
     GArray *triangles;
-    /* indices (int) of the points of the hull, counter-clockwise; of points on a line, all indices
-     * in their order along the line */
+    /* Indices (int) of the points of the hull, counter-clockwise. If all points lie on a line,
+     * these are all indices in their order along the line. */
     GArray *hull;
     /* A grid over the points: cell k has triangles covering[first[k] … first[k + 1] − 1], in
      * ascending order. */
@@ -43,9 +43,9 @@ static double turn(const Triangulation *t, int a, int b, int c) {
     return area(point(t, a), point(t, b), point(t, c));
 }
 
-/* Returns whether the point d with the index other is within the circumcircle of a
- * counter-clockwise triangle: whether the determinant of the three rows (p_k − d, |p_k − d|²) is
- * positive. */
+/* Returns whether the point d, whose index is `other`, is within the circumcircle of a
+ * counter-clockwise triangle with the corners p_k. It is if the determinant of the three rows (p_k
+ * − d, |p_k − d|²) is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
     const double *d = point(t, other);
@@ -68,7 +68,8 @@ static int compare_x(gconstpointer a, gconstpointer b, gpointer data) {
     return p[1] < q[1] ? -1 : p[1] > q[1];
 }
 
-/* Connects a point to the right of all others with the hull edges that it sees. */
+/* Adds a point that is to the right of all earlier points. Connects it with each edge of the hull
+ * that faces it. */
 static void add_point(Triangulation *t, int p) {
     const int *hull = (const int *)t->hull->data;
     guint n = t->hull->len;
@@ -165,8 +166,9 @@ static void make_grid(Triangulation *t) {
                     else
                         t->first[j * t->n_cells + i + 1]++;
         }
-        /* After counting, the counts are summed to the position at which each cell begins. Filling
-         * moves these positions to the ends of the cells, and the shift restores them. */
+        /* After counting, first[k] becomes the position at which cell k begins, by summing the
+         * counts. Filling moves first[k] to the end of cell k. The second loop shifts the array by
+         * one cell, because cell k + 1 begins where cell k ends. */
         for (int cell = 0; !fill && cell < n; cell++)
             t->first[cell + 1] += t->first[cell];
         if (!fill)
@@ -242,9 +244,9 @@ Triangulation *triangulation_new(const double *points, int n) {
     g_array_append_val(t->triangles, first);
     for (int k = 3; k < n; k++)
         add_point(t, order[k]);
-    /* Lawson's algorithm (1977) flips edges until all are locally Delaunay. In exact arithmetic the
-     * algorithm always ends. The limit of passes ends the loop also if rounding errors prevent
-     * that. */
+    /* Lawson's algorithm (1977) flips edges until all are locally Delaunay. In exact arithmetic
+     * this always ends. Rounding errors might prevent the end, and therefore the number of passes
+     * is limited. */
     gboolean flipped = TRUE;
     for (int pass = 0; flipped && pass < 200; pass++) {
         flipped = FALSE;
