@@ -27,7 +27,8 @@ void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 /* Reads the arrays of the file, if it exists, is not damaged and was written with the same inputs.
  * Otherwise the computation starts from the beginning, and checkpoint_note() says why. inputs is a
  * text, such as a hash, that covers everything the result depends on. Only the first call has an
- * effect, so that an outer function describes the inputs of the functions that it calls. */
+ * effect. The inputs of an outer function therefore replace the inputs of the functions that it
+ * calls. */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);
 
@@ -45,20 +46,21 @@ gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsi
  * after it has written the values. A save copies the flags before it copies any array. */
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size);
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
-void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* forgets an array, or all arrays
-                                                                   if name is NULL */
+/* Removes an array from the arrays to be saved. NULL removes all arrays. */
+void checkpoint_drop(Checkpoint *checkpoint, const char *name);
 
 /* Writes the file. checkpoint_save() writes at once. checkpoint_save_if_due() writes only if the
- * time since the last save is at least the period of checkpoint_set_period(), and more than twenty
- * times as long as that save took. Nothing is written before
- * checkpoint_begin(), or if no array is registered. Failures are ignored, because the computation
- * can continue without a checkpoint. */
+ * last save was long enough ago: at least the period of checkpoint_set_period(), and more than
+ * twenty times the duration of the last save.
+ *
+ * Nothing is written before checkpoint_begin(), or if no array is registered. Failures are ignored,
+ * because the computation can continue without a checkpoint. */
 void checkpoint_save(Checkpoint *checkpoint);
 void checkpoint_save_if_due(Checkpoint *checkpoint);
 
 /* Deletes the file. To be called when the result is on disk. */
 void checkpoint_remove(Checkpoint *checkpoint);
 
-/* Deletes the file, unless it belongs to another computation. To be called after an error other
- * than cancelling. */
+/* Deletes the file if it belongs to this computation. To be called after an error, but not after
+ * cancelling. */
 void checkpoint_discard(Checkpoint *checkpoint);

@@ -6,8 +6,8 @@
 struct exr_part;
 
 guint64 exr_plane_bytes(const struct exr_part *part);
-/* Returns the bytes of the packed, the unpacked and the intermediate buffer while a part is read or
- * written in chunks of this many lines. */
+/* Returns the number of bytes of three buffers together (packed, unpacked and intermediate), which
+ * are needed while a part is read or written in chunks of this many lines. */
 guint64 exr_chunk_bytes(const struct exr_part *part, int lines);
 
 /* OpenEXR's buffers for one chunk, several megabytes with PIZ. The buffers are reused for all parts

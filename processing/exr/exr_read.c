@@ -34,8 +34,9 @@ struct window {
     gsize n;
 };
 
-/* The window of a thread of exr_reader_next(); NULL in other threads, which use the window of the
- * source. Threads that read different parts of a file would otherwise fill one window in turns. */
+/* Each thread of exr_reader_next() has its own window, because threads that read different parts of
+ * a file would fill a common window in turns. In other threads this is NULL, and the window of the
+ * source is used. */
 static _Thread_local struct window *own_window;
 
 struct source {
@@ -383,7 +384,7 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
 }
 
 /* Pads every buffer of the decoder with zeros, because OpenEXR before 3.1.6 reads beyond the end of
- * damaged PIZ blocks, by at most the length of the block. */
+ * a damaged PIZ block. It reads at most as many bytes too many as the block has. */
 static void *allocate_padded(exr_transcoding_pipeline_buffer_id_t id, size_t size) {
     return size < G_MAXSIZE / 4 ? calloc(1, 2 * size + 4096) : NULL;
 }
@@ -395,8 +396,9 @@ static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
 struct unpack {
     struct exr_part *part;
     const struct windows *windows;
-    float *line; /* buffer for a line of the data window; NULL if the data window lies within the
-                    display window */
+    /* Buffer for a line of the data window. NULL if the data window lies within the display
+     * window. */
+    float *line;
 };
 
 /* Converts a line of a channel to floats. Returns a pointer behind the bytes of the line. */
@@ -511,9 +513,9 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
     return TRUE;
 }
 
-/* Finds how many lines a chunk of a part has, and checks the necessary memory before it is
- * allocated. *left is the number of bytes of the file that may hold pixels of parts not yet read.
- * The function subtracts the minimum number of bytes that the pixels of this part take in the
+/* Sets *ret_step to the number of lines in a chunk of a part. Checks the necessary memory before it
+ * is allocated. *left is the number of bytes of the file that may contain pixels of parts not yet
+ * read. Subtracts from *left the minimum number of bytes that the pixels of this part take in the
  * file. */
 static gboolean reserve(struct source *source, int index, const struct exr_part *part,
                         const struct windows *windows, gsize *left, int *ret_step, GError **error) {
@@ -570,8 +572,8 @@ static gboolean read_pixels(struct source *source, struct exr_scratch *scratch, 
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* Reads a part's header, and its pixels unless left (see reserve()) is NULL. Returns NULL on
- * error. */
+/* Reads a part's header. Reads the part's pixels too if `left`, an argument of reserve(), is not
+ * NULL. Returns NULL on error. */
 static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};
@@ -637,10 +639,13 @@ static void free_buffers(gpointer data) {
 struct ExrReader {
     struct source source;
     char *path;
-    struct exr_file *file;   /* the headers of all parts that were not given yet, in order */
+    /* the headers of all parts that exr_reader_next() has not yet returned, in order */
+    struct exr_file *file;
     struct windows *windows; /* for each part of the file, like steps */
     int *steps;              /* lines of a chunk */
-    int n, given; /* n: number of parts; given: number of parts that exr_reader_next() has given */
+    /* n: number of parts
+     * given: number of parts that exr_reader_next() has returned */
+    int n, given;
     struct exr_file *pending; /* the parts that are being read */
     GError **errors;          /* for each part of pending, its error or NULL */
     GPtrArray *idle;          /* struct buffers that no thread uses; source.lock protects it */

@@ -212,8 +212,8 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
 
 struct encoding {
     const struct exr_part *part;
-    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function, which
-                                                                exr_write_compress() calls */
+    /* the library's function for this method */
+    exr_result_t (*compress)(exr_encode_pipeline_t *encode);
 };
 
 /* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed one, a
