@@ -10,8 +10,8 @@ struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
     double delta_e_different; /* mean CIEDE2000 of the pixels that differ; 0 if there are none */
-    /* p95, largest: 95th percentile and maximum of CIEDE2000 over the pixels that differ; both are
-     * 0 if no pixel differs */
+    /* p95: 95th percentile of CIEDE2000 over the pixels that differ; 0 if there are none
+     * largest: maximum of CIEDE2000; 0 if no pixel differs */
     double p95, largest;
     double different; /* share of the pixels that differ */
     /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */
@@ -27,9 +27,9 @@ struct picture_comparison {
  * (import_is_picture()). */
 gboolean compare_is_picture(const char *path);
 
-/* Compares two pictures of the same size. A picture has the tone curve that its file states.
- * Without a statement, 8-bit values are sRGB, and others are linear. Values that are masked or not
- * finite count as black. Fails if a picture cannot be read or the sizes differ; the error is then
- * DATA_ERROR_INVALID. */
+/* Compares two pictures of the same size. A picture has the tone curve that its file states. If the
+ * file states none, 8-bit values are sRGB, and other values are linear. Values that are masked or
+ * not finite count as black. Fails if a picture cannot be read or the sizes differ; the error is
+ * then DATA_ERROR_INVALID. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

@@ -10,7 +10,7 @@
 
 struct export_bonn_result {
     int n_views, n_lights, width, height;
-    /* relative RMS error of FMF and DFMF against the BTF; 0 for BDI, which only rounds to half
+    /* RMS error of FMF or DFMF relative to the RMS of the BTF; 0 for BDI, which only rounds to half
      * floats */
     double error;
 };

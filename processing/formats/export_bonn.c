@@ -76,7 +76,7 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     return TRUE;
 }
 
-/* The views that are read together take at most this memory, in halves. */
+/* maximum memory, in bytes, of the views that are read together (as half floats) */
 #define VIEWS_MEMORY ((gsize)576 << 20)
 #define MAX_TOGETHER 16
 #define PICTURES     16 /* number of pictures of a view that are read at a time */
@@ -111,7 +111,8 @@ static gboolean check_picture(const struct source *source, const struct exr_part
     return TRUE;
 }
 
-/* Copies pictures of the lights `light`, `light` + 1, … to view i of the views. */
+/* Copies pictures to view i of `to`. The pictures are those of the lights `light`, `light` + 1,
+ * …. */
 static gboolean take_pictures(const struct source *source, const struct exr_file *file, int light,
                               const struct views *to, int i, const char *path, GError **error) {
     const struct bonn_header *header = &source->header;
@@ -201,7 +202,8 @@ static gboolean write_lpca(const char *file, const struct bonn_header *header,
                            const struct lpca *lpca, GError **error) {
     const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
     const gsize d = btf_layout_values(&lpca->layout);
-    /* u is d × k. Its first component is the mean, whose weight is 1. */
+    /* u is d × k. The first of the k components is the mean, which has the weight 1 for every
+     * texel. */
     g_autofree float *s = g_new(float, k), *u = g_new(float, d *k), *sv = g_new(float, n *k);
     for (gsize i = 0; i < k; i++) {
         double squares = 0;

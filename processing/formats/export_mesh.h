@@ -7,8 +7,9 @@
 enum export_mesh_form {
     EXPORT_MESH_PLY, /* binary */
     EXPORT_MESH_OBJ,
-    EXPORT_MESH_GLB, /* glTF 2.0: metres, y upwards; the others have mm of the sample frame, with z
-                        from the turntable's top */
+    /* glTF 2.0, in metres with y upwards. PLY and OBJ are in mm of the sample frame, with z from
+     * the top of the turntable. */
+    EXPORT_MESH_GLB,
 };
 
 struct export_mesh_result {

@@ -3,8 +3,8 @@
  *
  * A finished BTF (rectified pictures) becomes a session with products/btf and
  * products/eigenmaps.exr as in pipeline.h. The session has no frames. Its value "imported" names
- * the source. Pictures are made linear by the tone curve that their files state. Without a
- * statement, 8-bit pictures are sRGB and others are linear. Values are taken as reflectance that
+ * the source. Pictures are made linear by the tone curve that their files state. If a file states
+ * none, 8-bit pictures are sRGB and other pictures are linear. Values are taken as reflectance that
  * contains n·l. Masked pixels are holes. Row 0 is at +y. The session appears complete or not at
  * all. Any thread.
  */
@@ -33,8 +33,8 @@ typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part,
 /* Callback that reads one picture. If the file format allows, the callback reads only the region.
  * ret_planes are four planes of height × width that contain zeros: R, G, B and the flags of the
  * texels (btf.h). The plane of flags is NULL if the picture has no flags: it has no holes, or
- * black_holes of struct import_material is TRUE. *ret_holes is the number of holes. ret_planes is
- * NULL if only this number is wanted. */
+ * black_holes of struct import_material is TRUE. *ret_holes receives the number of holes.
+ * ret_planes is NULL if the caller wants only the number of holes. */
 typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
                                  float *const *ret_planes, int *ret_holes, gpointer data,
                                  GError **error);
@@ -51,10 +51,10 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
-    /* NULL, or called instead of `view`, so that memory holds only one picture */
+    /* NULL, or called instead of `view`, so that only one picture is in memory */
     ImportPixels picture;
-    /* NULL, or called for the flags of each picture; if it returns flags, region must be all
-     * texels */
+    /* NULL, or called for the flags of each picture. If it returns flags, region must contain all
+     * texels of the material. */
     ImportLight light;
     ImportFilled filled; /* NULL is allowed */
     gpointer data;

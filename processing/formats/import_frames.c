@@ -11,12 +11,13 @@
 #include "exr/exr_half.h"
 #include "frames/sweep.h"
 
-#define SATURATION  0.98 /* part of white from which on a pixel counts as saturated */
-#define MAX_DN_MS   ((double)EXR_HALF_LARGEST) /* maximum value of a frame in DN per ms */
-#define UNEVEN      0.05 /* maximum deviation of a picture's angle from its step, in steps */
-#define MAX_MISSING 0.1  /* largest share of a sweep's pictures that may be missing */
-/* A peak is invalid if a picture is missing within BESIDE steps of the peak, or within PULSE
- * standard deviations of its pulse, whichever is farther. */
+#define SATURATION 0.98 /* part of white from which on a pixel counts as saturated */
+#define MAX_DN_MS  ((double)EXR_HALF_LARGEST) /* maximum value of a frame in DN per ms */
+/* maximum deviation of a picture's angle from the angle of its step, in steps */
+#define UNEVEN      0.05
+#define MAX_MISSING 0.1 /* largest share of a sweep's pictures that may be missing */
+/* A peak is invalid if a picture is missing near it. Near means within BESIDE steps, or within
+ * PULSE standard deviations of the pulse if that is farther. */
 #define BESIDE 2.0
 #define PULSE  4.0
 
@@ -129,7 +130,8 @@ static void look_at_lamp(const struct import_set *set, const struct import_row *
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
-    /* Names of channels by [in colour][a pixel is saturated]. */
+    /* names of the channels; indices: whether the picture is in colour, whether a pixel is
+     * saturated */
     static const char *const names[2][2][5] = {{{"Y"}, {"Y", "saturated"}},
                                                {{"B", "G", "R"}, {"B", "G", "R", "saturated"}}};
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
@@ -180,13 +182,14 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
 struct run {
     const struct import_row *rows;
     int n;
-    /* from_deg: angle of the first picture; step_deg: angle between two steps; steps: number of
-     * steps, including steps with a missing picture */
+    /* from_deg: angle of the first picture
+     * step_deg: angle between two steps */
     double from_deg, step_deg;
-    int steps;
+    int steps;         /* number of steps, including steps with a missing picture */
     gboolean *missing; /* whether the picture of each step is missing */
-    /* The sweep as the session stores it. If a frame is the difference of two pictures, its angle
-     * is half a step after the first of these, and offset is 0.5 steps. Otherwise offset is 0. */
+    /* The sweep as the session stores it. offset is the distance, in steps, from the angle of a
+     * picture to the angle of its frame. It is 0.5 if a frame is the difference of two consecutive
+     * pictures, otherwise 0. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };
@@ -338,9 +341,9 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
     return part;
 }
 
-/* Compares the sweep of a camera with the sweep of its shot, which the first camera determines.
- * The plan has one sweep for all cameras of a shot. Returns FALSE with an error if the sweeps
- * differ. */
+/* Compares the sweep of a camera with the sweep of its shot, because the plan has one sweep for all
+ * cameras of a shot. The shot has the sweep of its first camera. Returns FALSE with an error if the
+ * sweeps differ. */
 static gboolean agree(const struct import_set *set, const struct run *run,
                       struct session_shot *shot, GError **error) {
     if (shot->sweep_steps == 0) {

@@ -14,10 +14,11 @@
 #define MAX_LIST_BYTES (64 << 20)
 /* minimum length of a direction in a list, which should be a unit vector */
 #define MIN_LENGTH 0.5
-/* a light is on the horizon if z of its unit vector is from −HORIZON to 0 */
-#define HORIZON     0.02
-#define HORIZON_DEG 91 /* maximum θ of a light in a table; from 90° on, it is on the horizon */
-/* largest share of lights on the horizon; one light is always allowed */
+/* a light is on the horizon if z of its unit vector is between −HORIZON and 0 */
+#define HORIZON 0.02
+/* maximum θ of a light in a table; from 90° on, the light is on the horizon */
+#define HORIZON_DEG 91
+/* largest share of the lights that may be on the horizon; one such light is always allowed */
 #define MAX_ON_IT 0.1
 #define DEG       (180 / G_PI)
 #define EXPECTED  "a picture's name and x, y, z of the direction to its light"
@@ -35,7 +36,7 @@ struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
-    gboolean placed; /* the next light has a position and an exponent */
+    gboolean placed; /* whether the next light has a position and an exponent */
     double exponent;
     gint64 count; /* number of pictures that the list states; 0 if it states none */
     int count_line;
@@ -97,8 +98,8 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
                                  : "x, y, z must follow a picture's name, as in the lines before");
 }
 
-/* Cuts the last three words off a text. Returns FALSE if the text has fewer words. *ret_nameless
- * says whether no text is left in front of the three words. */
+/* Cuts the last three words off a text. Returns FALSE if the text has fewer words. Sets
+ * *ret_nameless to TRUE if there is no text in front of the three words. */
 static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     int n = 0;
     while (n < 3 && *g_strchomp(text)) {
@@ -132,7 +133,7 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
             if (!number(list, line, words[i], &d[i], error))
                 return FALSE;
     }
-    /* The text in front of the three words is the name, with the separators that it has in the
+    /* The name is the text in front of the three words. Separators within the name stay as in the
      * file. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
     return add(list, line, name, d, error);

@@ -8,10 +8,11 @@
  *   - the values encoded again, in case they were decoded from sRGB by mistake
  *   - the values decoded, in case decoding was omitted by mistake
  *   - the values with a constant level b.
- * Cast shadows and highlights are outliers with weights 1 / (1 + (r/s)²). The misfit is the
- * RMS of the smallest three quarters of the residuals, relative to the RMS of the values. Residuals
- * are always converted back to the scale of the original values. A curve that only compresses
- * contrast therefore gains nothing. A candidate's misfit is the median over all texels. */
+ * Cast shadows and highlights are outliers. A residual r has the weight 1 / (1 + (r/s)²), where s
+ * is 1.5 times the median of |r|. The misfit is the RMS of the smallest three quarters of the
+ * residuals, relative to the RMS of the values. Residuals are always converted back to the scale of
+ * the original values. A curve that only compresses contrast therefore gains nothing. A candidate's
+ * misfit is the median over all texels. */
 #include "import_private.h"
 
 #include <math.h>
@@ -31,8 +32,9 @@
 #define DARK    0.02
 #define MIN_COS 0.1 /* minimum cos θ by which the mean of a picture is divided */
 /* A texel is used if its largest value is above this share of the largest value of all texels. */
-#define MIN_VALUE  0.02
-#define STEPS      10   /* number of fits of a texel, each with the weights of the fit before */
+#define MIN_VALUE 0.02
+/* number of fits of a texel; each fit uses the weights that follow from the fit before */
+#define STEPS      10
 #define MIN_MISFIT 0.05 /* minimum misfit for which another tone curve is reported */
 /* minimum misfit for which a level is reported. It is smaller than MIN_MISFIT because the weights
  * already reject most values that a level raises, as if they were shadows. */
@@ -46,7 +48,8 @@ enum { AS_IS, DECODED_WRONGLY, TO_BE_DECODED, WITH_LEVEL, CANDIDATES };
 
 struct import_look {
     enum picture_tones transfer;
-    GHashTable *tones; /* description of the tone curve that was used → number of pictures */
+    /* number of pictures for each tone curve that was used; the key is its description */
+    GHashTable *tones;
     int n_views, n_lights;
     float *theta_deg, *phi_deg; /* directions of the lights */
     double *light;              /* unit vector (x, y, z) of each light */
@@ -163,8 +166,8 @@ struct texel {
     double value[256], gain[256];
 };
 
-/* Fits g to a texel. With the candidate WITH_LEVEL, also fits b. *ret_level is b, 0 for the other
- * candidates. Returns the misfit. */
+/* Fits g to a texel and returns the misfit. For the candidate WITH_LEVEL, fits b too and sets
+ * *ret_level to b. For other candidates, *ret_level is 0. */
 static double fit_texel(const struct texel *t, int candidate, double *ret_level) {
     const int n = candidate == WITH_LEVEL ? 4 : 3;
     double p[4] = {0}, weight[256], residual[256], square = 0;
@@ -283,7 +286,7 @@ static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
 }
 
 /* Adds a sentence about the lights under which the sample is dark. The means of the pictures,
- * divided by cos θ, are compared with their upper quartile over all lights, so that the result is
+ * divided by cos θ, are compared with their upper quartile over all lights. The upper quartile is
  * right even if half of the lamps gave no light. */
 static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
     g_autofree double *shown = g_new(double, look->n_lights);

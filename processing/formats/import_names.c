@@ -28,14 +28,15 @@ struct named {
     struct vec3 position_mm;
     double exponent;
     int line;         /* line of the list; 0 means that there is no list */
-    gboolean counted; /* whether its tone curve is already counted in look */
+    gboolean counted; /* whether the picture's tone curve is already counted in `look` */
 };
 
 struct pictures {
     const char *source;
     GPtrArray *all;         /* all pictures, of struct named */
     GArray *views, *lights; /* of struct direction, in order */
-    GPtrArray *of;          /* of struct named: the picture of each view and light, view × light */
+    /* of struct named: the picture for each pair of a view and a light, view × light */
+    GPtrArray *of;
     const struct import_wish *wish;
     /* the size and layout of the first picture, without pixels; all pictures must have this size */
     struct import_picture *first;
@@ -190,9 +191,10 @@ static int by_number(gconstpointer a, gconstpointer b) {
     return strverscmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* Returns the path of a picture that a list names; g_free(). The name may be a path of another
- * machine, with either kind of slash. The picture may be at that path below the list's folder, or
- * directly in the list's folder. */
+/* Returns the path of a picture that a list names; g_free(). The name may be a path on another
+ * machine, with slashes or backslashes. Returns that path below the list's folder if the path is
+ * relative and the file exists. Otherwise returns the path of a picture directly in the list's
+ * folder. */
 static char *find_picture(const char *folder, const char *name) {
     g_autofree char *plain = g_strdelimit(g_strdup(name), "\\", '/');
     g_autofree char *base = g_path_get_basename(plain);
@@ -217,9 +219,9 @@ static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
     return end > begin;
 }
 
-/* Returns whether a camera's counter has begun again at 0 within these sorted names. That is
- * assumed if the first number is near 0, the last number is near the largest number with these
- * digits, and there is a gap. */
+/* Returns whether a camera's counter has begun again at 0 within these sorted names. The function
+ * assumes so if the first number is near 0, the last number is near the largest number with this
+ * many digits, and numbers between them are missing. */
 static gboolean counter_wrapped(const GPtrArray *names) {
     gint64 first = 0, last = 0, gap = 0;
     int digits = 0;

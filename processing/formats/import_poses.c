@@ -165,8 +165,8 @@ static struct vec3 import_poses_direction(const struct import_set *set, struct v
 }
 
 /* Returns the index of a view, light or laser position in the list. An entry fits if it has the
- * same device at the same angle, or if within_deg is above 0 and its direction is at most
- * within_deg away. If no entry fits, appends a new one. */
+ * same device at the same angle. If within_deg is above 0, an entry also fits if its direction is
+ * at most within_deg away. If no entry fits, appends a new one. */
 static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
                            double within_deg) {
     const double least = cos(radians(within_deg));
@@ -245,8 +245,8 @@ static gboolean check_double(const struct import_set *set, GError **error) {
 }
 
 /* Adds a skipped shot for a picture that is missing in the table. Returns FALSE if it is not known
- * which lamp would have lit the picture. The lamp is known if it turns with the arc, or if another
- * camera has a picture of the same pose under this light. */
+ * which lamp would have lit the picture. The lamp is known in two cases: it turns with the arc, or
+ * another camera has a picture of the same pose under this light. */
 static gboolean add_missing(struct import_set *set, int view_index, int light_index) {
     const struct session_direction *view =
         &g_array_index(set->views, struct session_direction, view_index);
@@ -411,8 +411,8 @@ static gboolean make(struct import_set *set, const char *path, const struct work
     return import_place_end(&place, set->session, ok, error);
 }
 
-/* Adds a note for each camera that looks straight down. Nothing in its pictures shows their
- * rotation, which is therefore an assumption. */
+/* Adds a note for each camera that looks straight down. The rotation of its pictures is an
+ * assumption, because nothing in the pictures shows it. */
 static void tell_downward(const struct import_set *set) {
     const struct rig *rig = &set->known->rig;
     for (int c = 0; set->wish->notes && c < rig->n_cameras; c++) {

@@ -30,11 +30,11 @@
  * Every view of the BTF needs pictures under at least nine lights in ten; “mesorig process”
  * predicts the pictures under the others. Pictures of a calibration target may lack any light. A
  * light is a lamp at an angle of the arc relative to the sample. If lamps stand still and the
- * sample turns, same_light_deg joins lamps that have the same direction from the sample to one
- * light. The light has the direction of the lamp that comes first in the plan. The files of the BTF
- * contain the direction of the lamp of each picture. In a sweep one picture in ten may be missing,
- * but never two in a row. Pixels whose peak would be next to a missing picture count as not seen.
- * Pixels that are not numbers or are masked (transparent) are holes. Any thread.
+ * sample turns, same_light_deg joins lamps that have the same direction from the sample. The joined
+ * lamps are one light, with the direction of the lamp that comes first in the plan. The files of
+ * the BTF contain, for each picture, the direction of its own lamp. In a sweep one picture in ten
+ * may be missing, but never two in a row. Pixels whose peak would be next to a missing picture
+ * count as not seen. Pixels that are not numbers or are masked (transparent) are holes. Any thread.
  */
 #pragma once
 
@@ -67,7 +67,7 @@ struct import_poses {
 
 struct import_poses_result {
     int n_views, n_lights, n_lasers, n_shots, n_frames;
-    int n_missing;      /* number of missing pictures, of sweeps and under lamps */
+    int n_missing;      /* number of missing pictures of sweeps and lamps together */
     gint64 not_numbers; /* number of pixels that are not numbers */
 };
 

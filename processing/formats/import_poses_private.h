@@ -9,11 +9,12 @@
 
 /* How the numbers in the file of a picture are converted to light. */
 struct import_coding {
-    double black_level;          /* the number that a pixel has without light */
-    int bits;                    /* white is 2^bits − 1; 0 means all bits of the file */
-    enum picture_tones transfer; /* tone curve; PICTURE_TONES_UNSAID means that of the file */
-    char *flat_path;             /* a picture of an even surface by the same camera, or NULL */
-    char *dark_path;             /* a picture without light by the same camera, or NULL */
+    double black_level; /* the number that a pixel has without light */
+    int bits;           /* white is 2^bits − 1; 0 means all bits of the file */
+    /* tone curve; PICTURE_TONES_UNSAID: the curve that the file states */
+    enum picture_tones transfer;
+    char *flat_path; /* a picture of an even surface by the same camera, or NULL */
+    char *dark_path; /* a picture without light by the same camera, or NULL */
 };
 
 struct import_row {
@@ -35,10 +36,12 @@ struct import_set {
     struct calibration *known;
     GArray *views, *lights, *lasers; /* of struct session_direction */
     const struct import_row **first; /* for each view, the first row with a picture for the BTF */
-    gboolean *in_colour;             /* for each view, whether that picture is in colour */
-    GArray *shots;                   /* of struct session_shot */
-    GHashTable *flats; /* used by import_coding.c: key → struct import_picture of factors */
-    GHashTable *darks; /* used by import_coding.c: path → dark frame */
+    /* for each view, whether the picture of `first` is in colour */
+    gboolean *in_colour;
+    GArray *shots; /* of struct session_shot */
+    /* flat fields, used by import_coding.c: key → struct import_picture of factors */
+    GHashTable *flats;
+    GHashTable *darks; /* dark frames, used by import_coding.c: path → struct dark */
     struct import_look *look;
     Session *session;
     struct import_poses_result *ret;
@@ -52,8 +55,9 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
 void import_coding_free_dark(gpointer dark); /* frees a value of struct import_set.darks */
 
 /* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. Fails if the
- * picture cannot be read, or if its numbers do not fit `bits`. Fails also if it does not have the
- * size of its camera, the colour filter that was given, or the format of its dark frame. */
+ * picture cannot be read, or if its numbers do not fit `bits`. Fails too if the picture has another
+ * size than its camera, another colour filter than the given one, or another format than its dark
+ * frame. */
 struct import_picture *import_coding_picture(const struct import_set *set,
                                              const struct import_row *row, GError **error);
 

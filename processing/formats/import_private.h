@@ -38,8 +38,8 @@ struct import_picture *import_picture_read(const char *path, enum picture_tones 
                                            GError **error);
 /* Reads a part of a picture as import_picture_read() does; NULL means the whole picture. If
  * picture_part_can() allows it, only the part is decoded, and the picture may be too large to be
- * read as a whole. Of other files the whole picture is read. The member part of the result says
- * what was read. The part must lie within the picture. */
+ * read as a whole. Otherwise the whole picture is read. The member `part` of the result says what
+ * was read. The requested part must lie within the picture. */
 struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
                                                 enum picture_tones wanted, GError **error);
 /* Reads the numbers in the file, without a conversion to linear light. Camera raw becomes a grey
@@ -85,9 +85,9 @@ struct import_light {
     double theta_deg, phi_deg;
     /* whether the light is too low to light the sample, so that the picture is left out */
     gboolean on_horizon;
-    /* If placed is TRUE, position_mm is the position of the lamp from the middle of the imported
-     * texels. The lamp aims at this middle, and exponent is the n of its fall-off cos^n away from
-     * the aim. */
+    /* Whether position_mm and exponent are known. position_mm is the position of the lamp, from the
+     * middle of the imported texels. The lamp aims at this middle. exponent is the n of cos^n, by
+     * which the lamp's light falls with the angle from its aim. */
     gboolean placed;
     struct vec3 position_mm;
     double exponent;
@@ -98,14 +98,15 @@ GArray *import_lights_read(const char *path, GError **error);
 
 /* A new session, which is in a hidden folder until it is filled. */
 struct import_place {
-    /* path: where the session appears at the end; folder: the hidden folder next to path; session:
-     * the session in the hidden folder */
+    /* path: where the session appears at the end
+     * folder: the hidden folder next to path
+     * session: the session in the hidden folder */
     char *path, *folder, *session;
     char *name; /* name of the session */
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
-/* Closes the session. If good is TRUE, moves the session to its final path, otherwise removes it.
- * If it cannot be moved, it stays in the hidden folder. Returns whether the session is at its final
- * path. */
+/* Closes the session. If good is FALSE, removes the session. If good is TRUE, moves it to its final
+ * path. A session that cannot be moved stays in the hidden folder. Returns whether the session is
+ * at its final path. */
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error);

@@ -36,10 +36,14 @@ struct relight {
     const struct import_wish *wish;
     JsonObject *info; /* owned by the parser */
     gboolean hsh, lrgb;
-    int n_terms, n_planes; /* n_planes: number of planes, each of which is one picture */
+    /* n_terms: number of terms b_j
+     * n_planes: number of planes; each plane is one picture */
+    int n_terms, n_planes;
     int width, height, n_lights;
-    double *lights, *scale, *bias; /* lights: n_lights × 3; scale and bias: n_planes × 3 each */
-    guint8 *planes[MAX_PLANES];    /* pixels of each plane: height × width × 3 */
+    /* lights: n_lights × 3
+     * scale, bias: n_planes × 3 each */
+    double *lights, *scale, *bias;
+    guint8 *planes[MAX_PLANES]; /* pixels of each plane: height × width × 3 */
 };
 
 static void relight_clear(struct relight *relight) {

@@ -12,8 +12,7 @@
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
-/* largest angle between the axis of a camera and straight down for which the camera counts as
- * looking straight down */
+/* A camera looks straight down if the angle between its axis and the vertical is at most this. */
 #define STEEP_DEG 1.0
 
 struct nominal_place {
@@ -292,8 +291,8 @@ static struct calibration *from_config(const Config *config, GError **error) {
 struct calibration *nominal_read(const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autofree char *text = input_file_read_text(path, 1 << 20, NULL);
-    /* A calibration file has the key “format”. For a file that is neither kind, calibration_read()
-     * gives the error. */
+    /* A calibration file has the key “format”. For a file that is neither a calibration nor nominal
+     * values, calibration_read() gives the error. */
     if (!text || !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL) ||
         g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
         return calibration_read(path, error);
@@ -301,8 +300,8 @@ struct calibration *nominal_read(const char *path, GError **error) {
     return config ? from_config(config, error) : NULL;
 }
 
-/* Returns a value that is known from a picture of the camera, or NULL. *ret_said gets a text that
- * says where the value is from, or NULL. Free both with g_free(). */
+/* Returns the value of a key if a picture of the camera tells the value, otherwise NULL. *ret_said
+ * gets a text that says where the value is from, or NULL. Free both with g_free(). */
 static char *value_of(const struct nominal_key *key, const struct import_picture *picture,
                       const struct picture_says *says, char **ret_said) {
     if (key->offset == PLACE(width) || key->offset == PLACE(height))

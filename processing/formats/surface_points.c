@@ -33,9 +33,9 @@ struct view {
     int index;
 };
 
-/* Computes the tangent at texel i, from the neighbour `before` to the neighbour `after` (−1 if the
- * map ends there). The texel takes the place of a neighbour that is not on the same surface.
- * Returns FALSE if neither neighbour is on the same surface. */
+/* Computes the tangent at texel i, from the neighbour `before` to the neighbour `after`. A
+ * neighbour is −1 at the border of the map. If a neighbour is not on the same surface, the texel
+ * itself takes its place. Returns FALSE if neither neighbour is on the same surface. */
 static gboolean along(const struct view *view, int i, int before, int after, struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
     int from = before >= 0 && view->distance[before] >= 0 ? before : i;

@@ -7,7 +7,9 @@
 #include "session/session.h"
 
 struct surface_point {
-    struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
+    /* at_mm: position in the sample frame
+     * normal: unit vector towards the camera's side of the surface */
+    struct vec3 at_mm, normal;
     /* cosine of the angle between the normal and the direction to the camera, divided by the square
      * of the point's standard error in texels */
     float weight;

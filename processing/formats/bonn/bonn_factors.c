@@ -88,7 +88,8 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    /* The file does not say what rows and columns stand for. Their numbers tell. */
+    /* The file does not say what rows and columns stand for. The numbers of rows and columns
+     * decide. */
     ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
     if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
@@ -102,9 +103,9 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
                        error);
 }
 
-/* Computes product, the block of M ≈ U (S V)ᵀ for one view and n texels. With of_images its rows
- * are (texel, channel) and its columns lights. Otherwise its rows are texels and its columns
- * (light, channel). */
+/* Computes `product`, the block of M ≈ U (S V)ᵀ for one view and n texels. If of_images is TRUE, a
+ * row of the product is a pair (texel, channel) and a column is a light. Otherwise a row is a texel
+ * and a column is a pair (light, channel). */
 void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to) {

@@ -244,7 +244,7 @@ static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret,
 }
 
 /* Signatures have nine or ten bytes. After a short signature, the tenth byte already belongs to the
- * metadata. *ret_extra is whether the file is an FMF with a version. */
+ * metadata. Sets *ret_extra to TRUE for an FMF with a version. */
 static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gboolean *ret_extra,
                                GError **error) {
     static const struct {

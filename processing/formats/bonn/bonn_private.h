@@ -40,18 +40,20 @@ gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *heade
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 
 /* of_texel[i] is the position of texel i among the stored texels, or −1 if the texel is not stored.
- * A full file stores all texels. In a file that is read, texels outside of its mask also have −1.
+ * A full file stores all texels. When a full file is read, of_texel is −1 for texels outside of the
+ * mask too.
  */
 struct bonn_index {
     gint32 *of_texel;
     int n_stored;
 };
 
-/* A factored matrix and the meaning of its rows. */
+/* A matrix as two factors, u and sv, and the meaning of its rows. */
 struct bonn_matrix {
     gsize n_components, n_rows, n_columns;
     float *u, *sv;
-    gboolean of_images; /* whether rows are (texel, channel) instead of (view, light, channel) */
+    /* TRUE if a row is (texel, channel), FALSE if a row is (view, light, channel) */
+    gboolean of_images;
 };
 void bonn_matrix_clear(struct bonn_matrix *matrix);
 
@@ -65,8 +67,8 @@ void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to);
 
-/* A file may store transformed colours. This is the transformation, and bonn_colours_undo() inverts
- * it. bonn_colours_check() fails if the model is not known. */
+/* The transformation of the colours that a file stores. bonn_colours_undo() inverts the
+ * transformation. bonn_colours_check() fails if the model is not known. */
 struct bonn_colours {
     guint32 model;
     float mean[3], matrix[9];

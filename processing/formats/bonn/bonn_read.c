@@ -149,7 +149,7 @@ static gboolean parse(BonnFile *file, gsize size, GError **error) {
     gboolean extra;
     if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error))
         return FALSE;
-    /* bonn_read_view() needs the memory of all lights of a view. */
+    /* bonn_read_view() needs memory for all lights of a view. */
     const guint64 view = (guint64)header->width * (guint64)header->height *
                          (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
     if (view > input_file_memory(size))

@@ -129,8 +129,9 @@ struct writing {
     int n_turns;
     const double (*turns)[2]; /* n_turns: cosine and sine of each rotation */
     double *values;           /* 3 × THETA_H × THETA_D × PHI_D */
-    /* Sums over the bins of each θ_h. [0]: squared differences of f from the mean of its bin; [1]:
-     * squared means. */
+    /* Sums over the bins of each θ_h.
+     * [0]: squared differences between f and the mean of its bin
+     * [1]: squared means */
     double squares[THETA_H][2];
 };
 

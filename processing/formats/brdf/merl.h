@@ -27,8 +27,9 @@ void merl_evaluate(const struct merl *merl, const float light[3], const float vi
                    float ret[3]);
 
 struct merl_result {
-    /* How much f depends on a rotation about the normal and on an exchange of light and view: the
-     * RMS difference of f from the means that are written, relative to the RMS of these means. */
+    /* RMS difference between f and the means that are written, relative to the RMS of these means.
+     * It is 0 if neither a rotation about the normal nor an exchange of light and view changes
+     * f. */
     double spread;
 };
 

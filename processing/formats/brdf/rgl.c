@@ -17,7 +17,8 @@ struct rgl {
     Warp *vndf;
     double *colours; /* n_channels × 3: R, G, B of each channel */
     gboolean isotropic, jacobian;
-    int reduction; /* 1 if the file has all azimuths, 2 if it has a half, 4 if it has a quarter */
+    /* 1 if the file has all azimuths, 2 if it has half of them, 4 if it has a quarter */
+    int reduction;
 };
 
 void rgl_free(struct rgl *rgl) {

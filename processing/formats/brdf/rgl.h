@@ -17,10 +17,11 @@
  * u_m. If the BRDF is isotropic, φ_i is subtracted from its φ. s is the inverse warp of vndf at ω_i
  * (warp.h), applied to u_m. Then
  *   f_r(ω_i, ω_o) cos θ_o = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))              (Dupuy & Jakob 2018).
- * All tables are linear between their nodes. Here ω_i is the view and ω_o the light, because path
- * tracers start at the eye: Mitsuba evaluates a file in this way. The files of RGL are reciprocal,
- * so that the order makes no difference there. Files with only half or a quarter of the azimuths
- * are completed by mirroring.
+ * All tables are linear between their nodes.
+ *
+ * Here ω_i is the view and ω_o the light, as in Mitsuba, because path tracers start at the eye. For
+ * the files of RGL the order makes no difference, because their BRDFs are reciprocal. Files with
+ * only half or a quarter of the azimuths are completed by mirroring.
  *
  * Spectra become colours by the CIE's 1931 observer under equal energy, with the functions of Wyman
  * et al. 2013 eq. 4. X, Y and Z are scaled so that a spectrum of ones is white (1, 1, 1). */
@@ -41,13 +42,14 @@ struct rgl_options {
     gboolean isotropic; /* whether to write the mean of f over n_turns rotations about the normal */
     int n_turns;
     const char *description;
-    /* whether to leave out spectra. Some programs, such as Mitsuba, take a file with spectra for a
-     * spectral file even if the file has rgb as well */
+    /* Whether to leave out spectra. Some programs, such as Mitsuba, treat a file with spectra as a
+     * spectral file even if the file has rgb as well. */
     gboolean rgb_only;
 };
 
 struct rgl_result {
-    /* n_phi, n_theta: numbers of φ_i and θ_i in the file; resolution: n of n × n in sample space */
+    /* n_phi, n_theta: numbers of φ_i and θ_i in the file
+     * resolution: n of the n × n nodes in sample space */
     int n_phi, n_theta, resolution;
 };
 

@@ -35,7 +35,8 @@ struct rgl_writing {
     double directions[N_B * N_A][3],
         solid[N_B * N_A];                      /* direction m and solid angle dm of each node */
     double d[N_B * N_A], projected[N_B * N_A]; /* D and σ of each node */
-    float *vndf, *luminance, *rgb, *values;    /* tables of the file; values is the table spectra */
+    /* tables of the file; the table “spectra” is in values */
+    float *vndf, *luminance, *rgb, *values;
 };
 
 static void direction(double theta, double phi, double ret[3]) {

@@ -37,8 +37,10 @@ struct tensor_field {
     enum tensor_type type;
     int n_dimensions;
     gsize shape[TENSOR_FILE_DIMENSIONS];
-    gsize n_values, bytes; /* n_values: how many numbers; bytes: how many bytes they have */
-    void *values;          /* the numbers, aligned as by g_malloc() */
+    /* n_values: how many numbers the field has
+     * bytes: how many bytes these numbers have */
+    gsize n_values, bytes;
+    void *values; /* the numbers, aligned as by g_malloc() */
 };
 
 typedef struct tensor_file {

@@ -15,7 +15,7 @@
 #define PIXELS         ((gsize)UTIA_SIDE * UTIA_SIDE)
 
 struct utia {
-    float values[3][PIXELS]; /* of each colour: f_r at light · UTIA_SIDE + view */
+    float values[3][PIXELS]; /* for each colour; the f_r of a pair is at light · UTIA_SIDE + view */
 };
 
 #define BYTES (3 * PIXELS * sizeof(double))
@@ -51,8 +51,8 @@ static gboolean read_bin(struct utia *utia, const char *path, GError **error) {
     return TRUE;
 }
 
-/* Returns the sum of the absolute differences of neighbouring rows, among the 48 rows from `first`
- * on. The sum is large if the rows are not alike. */
+/* Returns the sum of the absolute differences between neighbouring rows, for the 48 rows from
+ * `first` on. The sum is large if the rows are not alike. */
 static double unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)

@@ -157,9 +157,11 @@ static double solve(double a, double b, double area) {
     return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
 }
 
-/* Returns the largest i for which sum i is below area, clamped to 0 … n − 2. The n sums ascend. In
- * a slice, sum i is the entry first + i. If next > 0, sum i is (1 − part) times this entry plus
- * part times the entry first + next + i. */
+/* Returns the largest i for which sum i is below area, clamped to 0 … n − 2. The n sums ascend.
+ *
+ * If next is 0, sum i is the entry first + i of the slices, mixed by their weights. If next > 0,
+ * sum i is interpolated between two rows: (1 − part) times the entry first + i, plus part times the
+ * entry first + next + i. */
 static gsize find(const float *sums, gsize stride, gsize first, gsize n, gsize next, double part,
                   const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;

@@ -20,7 +20,7 @@
 
 struct Abrdf {
     struct abrdf_info info;
-    double *sums;   /* n_views × n_lights × 3: the sum of B, later its mean */
+    double *sums;   /* n_views × n_lights × 3: first the sums of B, later the means of B */
     double *counts; /* number of values in each sum: n_views × n_lights */
     float *samples; /* SAMPLES (views) × SAMPLES (lights) × 3: f_r */
 };
@@ -152,8 +152,8 @@ static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view,
     return nearest;
 }
 
-/* Returns f_r from the sums, 3 × n_views × n_lights. A pair without a value gets the value of the
- * nearest light. Fails if a view has no value at all. g_free() */
+/* Computes f_r, 3 × n_views × n_lights, from the sums. A pair without a value gets the value of the
+ * nearest light. Returns NULL with an error if a view has no value at all. g_free() */
 static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
     const gsize n_views = abrdf->info.views.n, n = abrdf->info.lights.n, pairs = n_views * n;
     g_autofree float *lights = direction_list_vectors(&abrdf->info.lights);

@@ -26,7 +26,8 @@ struct abrdf_info {
     /* RMS error of the interpolated B at the measured pairs of directions, relative to the RMS of
      * B */
     double error;
-    /* angle from the normal of the lowest view or of the lowest light, whichever is smaller */
+    /* The lowest view and the lowest light each have an angle from the normal. This is the smaller
+     * angle. */
     double lowest_deg;
 };
 

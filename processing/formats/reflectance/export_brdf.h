@@ -23,11 +23,11 @@ struct export_brdf_result {
     /* as in struct abrdf_info */
     int filled;
     double error, lowest_deg;
-    double spread; /* for BRDF_MERL, see struct merl_result; otherwise −1 */
+    double spread; /* spread of struct merl_result for BRDF_MERL; otherwise −1 */
 };
 
-/* material is a session, or a file of “mesorig compress”. Progress stages are "read" and
- * "export". */
+/* Writes the mean BRDF of a material to `file`. material is a session, or a file of “mesorig
+ * compress”. The progress stages are "read" and "export". */
 gboolean export_brdf(const char *material, const char *file,
                      const struct export_brdf_options *options, const struct work *work,
                      struct export_brdf_result *ret, GError **error);
@@ -36,20 +36,23 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    /* whether each colour has six terms (RGB). If not, the brightness has six terms, which are
-     * multiplied by a colour (LRGB) */
+    /* TRUE: each colour has six terms (RGB). FALSE: the brightness has six terms, and multiplies a
+     * colour (LRGB). */
     gboolean rgb;
     int view; /* index; −1 means the view nearest to the normal */
-    /* whether to replace the files of an existing folder, which is otherwise an error */
+    /* whether to replace the files of an existing folder; if FALSE, an existing folder is an
+     * error */
     gboolean replace;
 };
 
 struct export_rti_result {
     int width, height, n_lights;
     int view;
-    double theta_deg;      /* angle of the view from the normal */
-    double error;          /* RMS difference in sRGB, see struct rti_fit_result */
-    gint64 clipped, holes; /* number of values that were clipped, and number of holes */
+    double theta_deg; /* angle of the view from the normal */
+    double error;     /* RMS difference in sRGB, see struct rti_fit_result */
+    /* clipped: number of values that were clipped
+     * holes: number of holes */
+    gint64 clipped, holes;
 };
 
 /* Exports one view of a session to output: a .ptm file (EXPORT_PTM), or a folder with info.json and

@@ -10,9 +10,9 @@ struct import_brdf_wish {
     struct brdf_coding coding; /* for UTIA's files */
     int texels;                /* number of equal texels in each dimension; 0 means 1 */
     double texel_mm;           /* 0 means 1 */
-    /* path of a table of directions (btf_directions.h). NULL means the 241 directions of UTIA for
-     * UTIA's files, and for other files the 81 directions of the papers, each for views and
-     * lights */
+    /* Path of a table of directions (btf_directions.h), which are used both as views and as lights.
+     * NULL stands for the 241 directions of UTIA if the file is one of UTIA's, and for the 81
+     * directions of the papers if it is not. */
     const char *directions;
 };
 

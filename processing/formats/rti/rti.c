@@ -66,7 +66,7 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
     return TRUE;
 }
 
-/* Skips blanks and the end of the header's last line, after which the bytes of the texels begin. */
+/* Skips blanks and the end of the header's last line. The bytes of the texels begin there. */
 static gboolean line_end(struct head *head, GError **error) {
     while (head->at < head->n && head->bytes[head->at] != '\n' && is_blank(head->bytes[head->at]))
         head->at++;

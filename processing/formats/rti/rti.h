@@ -1,7 +1,7 @@
-/* Files of reflectance transformation imaging (RTI) hold a picture whose texels are functions of
- * the light, seen from one view along the normal. A texel's colours are sums of a basis b of the
- * light, f(l) = Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that
- * multiplies the texel's colour.
+/* Files of reflectance transformation imaging (RTI) contain a picture of the material, seen along
+ * the normal. The colours of a texel are functions of the light. A texel's colours are sums of a
+ * basis b of the light, f(l) = Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a
+ * brightness that multiplies the texel's colour.
  *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
  *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
  *            then bytes. PTM_FORMAT_LRGB: six bytes for each texel, then red, green and blue of
@@ -25,14 +25,14 @@
 
 struct rti {
     int width, height; /* row 0 is the top one */
-    /* whether the basis is hsh_basis() with 4, 9 or 16 terms. If not, it is rti_ptm_basis() with 6
-     * terms */
+    /* TRUE: the basis is hsh_basis() with 4, 9 or 16 terms. FALSE: it is rti_ptm_basis() with 6
+     * terms. */
     gboolean hsh;
     gboolean lrgb;
     int n_terms;
     double scale[RTI_MAX_TERMS], bias[RTI_MAX_TERMS]; /* c_j = (byte − bias_j) · scale_j */
-    /* height × width × n_terms (lrgb) or × 3 (R, G, B) × n_terms. The terms of a PTM are in the
-     * order of .ptm files. */
+    /* With lrgb height × width × n_terms, otherwise height × width × 3 (R, G, B) × n_terms. The
+     * terms of a PTM are in the order of .ptm files. */
     guint8 *bytes;
     guint8 *colours; /* colour of each texel, only for lrgb: height × width × 3 */
 };
@@ -44,9 +44,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rti, rti_free)
 /* Computes the basis lx², ly², lx ly, lx, ly, 1. */
 void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]);
 
-/* Reads a .ptm or .rti, whose first bytes tell which of these it is. Errors are DATA_ERROR_INVALID
- * and DATA_ERROR_IO, and name the file. Other forms of PTM (with JPEG, a table of colours, or
- * luminance only) are refused with an error. */
+/* Reads a .ptm or .rti. The first bytes of the file tell which of these it is. Errors are
+ * DATA_ERROR_INVALID and DATA_ERROR_IO, and name the file. Other forms of PTM (with JPEG, a table
+ * of colours, or luminance only) are refused with an error. */
 struct rti *rti_read(const char *path, GError **error);
 
 /* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */

@@ -49,7 +49,7 @@ struct fitting {
     const float *pictures;
     gsize texels, n;      /* n is the number of lights */
     float *basis;         /* values of the basis at each light: n × TERMS */
-    struct normal *whole; /* the normal equations without NaN; only the matrix is set */
+    struct normal *whole; /* normal equations of a texel without NaN; only the matrix is set */
 };
 
 /* Fits the terms to one value per light by least squares. Values that are NaN are left out. Returns
@@ -90,9 +90,9 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* Gives the values to be fitted. If colour is NULL, these are the values of channel c. Otherwise,
- * it is the brightness s for which s C is nearest to R, G, B, where C is the colour: s = Σ C_k
- * RGB_k / Σ C_k². */
+/* Gives the values to be fitted, one per light. If colour is NULL, a value is that of channel c.
+ * Otherwise, a value is the brightness s for which s C is nearest to the pixel's R, G, B, where C
+ * is the colour: s = Σ C_k RGB_k / Σ C_k². */
 static void observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                      double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
@@ -106,8 +106,9 @@ static void observed(const struct fitting *fitting, gsize texel, gsize c, const 
     }
 }
 
-/* Chooses scale and bias of each term so that bytes cover the range from the term's minimum to its
- * maximum. The range always includes 0, because the bias must be a byte. */
+/* Converts the terms to bytes. Chooses scale and bias of each term so that the bytes cover the
+ * range from the term's minimum to its maximum. The range always includes 0, because the bias must
+ * be a byte. */
 static void quantise(struct rti *rti, const float *terms, gsize n) {
     for (int j = 0; j < TERMS; j++) {
         double least = 0, most = 0;
@@ -115,8 +116,8 @@ static void quantise(struct rti *rti, const float *terms, gsize n) {
             least = MIN(least, (double)terms[i * TERMS + (gsize)j]);
             most = MAX(most, (double)terms[i * TERMS + (gsize)j]);
         }
-        /* The range has 254 of the 255 steps of a byte, so that rounding the bias does not cut off
-         * an end. */
+        /* The range takes 254 of the 255 steps of a byte. The last step is spare, because the
+         * rounded bias may shift the range by up to half a step. */
         rti->scale[j] = most > least ? (most - least) / 254 : 1 / 255.0;
         rti->bias[j] = (double)lround(-least / rti->scale[j]);
         for (gsize i = 0; i < n; i++)

@@ -13,11 +13,11 @@
 
 #define TERMS RTI_PTM_TERMS
 
-/* The index in .ptm files of each term in Relight's order 1, lx, ly, lx², lx ly, ly². */
+/* order[j] is the index, in .ptm files, of term j of Relight's order 1, lx, ly, lx², lx ly, ly². */
 static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
 
-/* Returns what channel k, counted over all planes, contains: −1 for the texel's colour, otherwise
- * the index of a term in .ptm files. */
+/* Returns the index, in .ptm files, of the term that channel k contains. Returns −1 if channel k
+ * contains the texel's colour. Channels are counted over all planes. */
 static int rti_term(const struct rti *rti, int k) {
     if (!rti->lrgb)
         return (int)order[k / 3];
