@@ -7,10 +7,10 @@
 #define RADIUS      3     /* pixels: half the width of the window */
 #define SIGMA_PX    1.2f  /* pixels: standard deviation of the Gaussian weight of the distance */
 #define LEVEL_SCALE 0.12f /* difference of ln(green) that halves the weight of a pixel */
-/* added to the weight of LEVEL_SCALE, so that no pixel has the weight 0 */
+/* added to the weight that follows from LEVEL_SCALE, so that no pixel has the weight 0 */
 #define MIN_WEIGHT 1e-3f
-/* relative to the mean of a colour: lower bound of green, and number added to both terms of a
- * ratio */
+/* lower bound of green, and number added to numerator and denominator of a ratio; relative to the
+ * mean of the colour */
 #define DARK 0.002f
 /* maximum of a ratio of two colours of a pixel, each relative to its mean */
 #define MAX_RATIO 50.0f
@@ -60,8 +60,8 @@ static float green_at(const struct picture *picture, int x, int y) {
  * pixel relative to the centre. The green light of the object point that this pixel sees arrives at
  * X (1 + c_green) / (1 + c_own), with c = larger[] of struct demosaic_lateral. Green is
  * interpolated there by a parabola along the row and one along the column. Each parabola goes
- * through three values of green: at the nearest pixel that has the colour of this pixel, and at the
- * two green pixels beside it. */
+ * through three values of green. The first is the value at the pixel of this colour that is nearest
+ * to the place. The other two are the values at the green pixels beside that pixel. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];

@@ -10,8 +10,8 @@
 
 enum { DEMOSAIC_RED, DEMOSAIC_GREEN, DEMOSAIC_BLUE, DEMOSAIC_COLOURS };
 
-/* Mirrors row or column i at the first and at the last of the n rows or columns. This keeps the
- * phase of the colour filter. */
+/* Mirrors the index i of a row or column at the first and at the last of n. The mirrored pixel has
+ * the same colour filter. */
 static inline int demosaic_mirror(int i, int n) {
     i = i < 0 ? -i : i;
     return i < n ? i : MAX(2 * (n - 1) - i, 0);

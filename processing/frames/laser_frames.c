@@ -8,14 +8,15 @@
 /* number of frames of the running median, which follows a slip that lasts more than half as many
  * frames */
 #define AROUND 21
-#define MANY   4.0 /* in standard errors: larger differences are significant */
+/* a difference is significant if it is larger than this number of standard errors */
+#define MANY   4.0
 #define ROUNDS 6
 /* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */
 #define MEDIAN_ERROR 1.2533
 #define SPREAD_ERROR 1.17
 
-/* Sets level to the median of all frames, or to the median of the AROUND nearest frames if the two
- * medians differ significantly. */
+/* Sets the level of each frame with a line to the median of all such frames. If the median of the
+ * AROUND nearest such frames differs significantly, that median is the level. */
 static void find_levels(struct laser_frames *frames, const int *lines) {
     g_autofree double *all = g_new(double, frames->lines);
     for (int i = 0; i < frames->lines; i++)
@@ -36,9 +37,9 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* Returns by how much the frames deviate from their levels beyond their standard errors. This is
- * the standard deviation u = √(s² − e²), where s is the robust spread of middle − level and e is
- * the median standard error. Returns 0 unless s is significantly larger than e. */
+/* Returns the standard deviation u of the frames from their levels that the standard errors do not
+ * explain: u = √(s² − e²), where s is the robust spread of middle − level and e is the median
+ * standard error. Returns 0 if s is not significantly larger than e. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);

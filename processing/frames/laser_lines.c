@@ -11,10 +11,11 @@
 #define MIN_PIXELS  64   /* minimum number of pixels with a peak in a sweep */
 #define MIN_FRAME   6    /* minimum number of pixels with a peak in a frame */
 #define ROUNDS      6
-#define BEND_ROUNDS 4   /* number of rounds in the intersection of a ray with a bent sheet */
-#define MANY        4.0 /* in standard errors: larger differences are significant */
+#define BEND_ROUNDS 4 /* number of rounds in the intersection of a ray with a bent sheet */
+/* a difference is significant if it is larger than this number of standard errors */
+#define MANY 4.0
 #define OFF_SHARE                                                                                  \
-    0.25 /* a sweep disagrees with the calibration if a larger share of its frames does */
+    0.25 /* maximum share of the frames of a sweep that may contradict the calibration */
 /* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre) and
  * for single frames. These bounds are needed because a sheet is not exactly a plane, and because
  * axes step unevenly. */
@@ -84,8 +85,9 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
     return enter < leave;
 }
 
-/* Returns whether a camera at eye sees the flat face at a point, rather than the hole, a fiducial
- * or the sample. point and eye are in the sample frame. */
+/* Returns whether a camera at `eye` sees the flat face at `point`. Returns FALSE outside of the
+ * face, in the hole, on a fiducial, and where the sample hides the face. Both positions are in the
+ * sample frame. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
@@ -145,15 +147,15 @@ guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at
 /* A pixel of the region that saw the line. */
 struct candidate {
     int frame;
-    /* rad: sweep angle of the calibrated sheet through the pixel's point, minus the angle commanded
-     * at the time of the pixel's peak */
+    /* sweep angle of the calibrated sheet through the pixel's point, minus the angle commanded at
+     * the time of the pixel's peak, in rad */
     double off;
     double along; /* position along the line: tangent of the angle from the beam */
 };
 
-/* The line fit of one sweep. The candidates of frame k have the numbers first[k] … first[k + 1]
- * − 1, in order of off. Arrays of the candidates are used instead of structs because compilers can
- * vectorise loops over them. */
+/* The line fit of one sweep. The candidates of frame k have the indices first[k] … first[k + 1] −
+ * 1, in order of off. Each member of struct candidate has an array of its own, because compilers
+ * can vectorise loops over such arrays. */
 struct search {
     double *off, *along; /* n: members of struct candidate */
     double *value;       /* n: off − roll · along */
@@ -286,8 +288,8 @@ static void measure_scale(struct search *search, double roll) {
     search->scale = n > 0 ? MAX(robust_spread(search->buffer, n, 0), 1e-9) : 0;
 }
 
-/* Fits the roll, the slope that the lines of all frames have in common, with one intercept for
- * each frame:
+/* Fits the roll with one intercept for each frame. The roll is the slope that the lines of all
+ * frames have in common:
  *   roll = Σ w (a − ā_k)(o − ō_k) / Σ w (a − ā_k)²,
  * with a: along, o: off, bars: weighted means in frame k, w: biweight of the residual. Returns
  * FALSE if the roll cannot be determined. */
@@ -328,9 +330,10 @@ static gboolean disagree(double measured, double error, double known) {
     return fabs(measured) > MANY * hypot(error, known);
 }
 
-/* Combines the offset m ± e of the lines with a calibration known to ± k: the offset is shrunk
- * to m·k² / (k² + e²). If lines and calibration disagree, only the lines count. The angle of
- * frame k is offset + (level_k − measured offset) + own_k. */
+/* Combines the lines with the calibration. The lines give the offset m with the standard error e,
+ * and the calibration has the standard error c. The combined offset is m·c² / (c² + e²). If lines
+ * and calibration disagree, the offset is m. The correction of the angle of frame k is offset +
+ * (level_k − m) + own_k. */
 static void combine(const struct search *search, const struct laser_known *known,
                     double plane_error_rad, struct laser_lines *lines) {
     const int n = search->n_frames;

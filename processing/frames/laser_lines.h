@@ -15,7 +15,8 @@
 
 /* A flat, level face around the sample, fixed to the turntable; sample frame. */
 struct laser_reference {
-    double plane_mm, plane_error_mm; /* height above the turntable, and its standard error */
+    /* height of the face above the turntable, and the standard error of this height */
+    double plane_mm, plane_error_mm;
     double hole_mm[2]; /* size in x and y of the box about the origin that holds the sample */
     /* height of the top of the box above the turntable; points that the box hides are not used */
     double top_mm;
@@ -70,27 +71,29 @@ struct laser_lines {
     struct vec3 beam;
     struct vec3 source_mm;
     /* Measured from the lines only, without the calibration: */
-    int pixels, frames; /* numbers of pixels on lines and of frames with a line */
+    int pixels, frames; /* number of pixels on lines, and number of frames with a line */
     /* mean over the frames of the measured minus the commanded sheet angle, and its standard
      * error */
     double offset_rad, offset_error_rad;
-    double roll_seen_rad, roll_error_rad; /* roll of the sheets about the beam, and its standard
-                                             error */
+    /* roll of the sheets about the beam, and the standard error of this roll */
+    double roll_seen_rad, roll_error_rad;
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
     int frames_off;    /* number of frames whose level contradicts the calibration */
-    /* whether offset, roll, or more than a quarter of the frames contradict the calibration */
+    /* whether the calibration is contradicted by the offset, by the roll, or by more than a quarter
+     * of the frames */
     gboolean disagrees;
 };
 
-/* Finds the lines of a sweep with n_frames frames. turn_rad is NULL if too few pixels saw the line,
- * in the whole sweep or in every frame, or if no roll can be fitted. Free the result with
- * laser_lines_clear(). */
+/* Finds the lines of a sweep with n_frames frames. turn_rad is NULL in three cases: too few pixels
+ * of the whole sweep saw the line, too few pixels of each single frame did, or no roll can be
+ * fitted. Free the result with laser_lines_clear(). */
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
-/* The sheets of light of a sweep, prepared for many points. They are bent and follow from the
- * calibration and from sweep->lines. sweep, its laser and its lines are not copied. */
+/* The bent sheets of light of a sweep, prepared for computations of many points. The sheets follow
+ * from the calibration and from sweep->lines. sweep, sweep->laser and sweep->lines are not
+ * copied. */
 struct laser_sheets {
     const struct laser_sweep *sweep;
     struct rig_laser_pose pose;

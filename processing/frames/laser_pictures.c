@@ -10,8 +10,8 @@
 #define SIGMA_PX 1.5
 #define REACH    4 /* pixels: half width of the filter */
 #define FEWEST   6 /* minimum number of candidates of a line */
-/* rounds of fitting; after each, candidates farther from the line than OUTLIER standard deviations
- * are left out */
+/* Number of fits of a line. After each fit, candidates that are farther from the line than OUTLIER
+ * standard deviations are left out. */
 #define ROUNDS  3
 #define OUTLIER 2.5
 
@@ -21,13 +21,16 @@ struct LaserPictures {
     int width, height, n_frames, frame;
     double threshold_dn;
     gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
-    /* For each pixel, x is the point of the plane that the pixel sees. angle: sweep angle at which
-     * the calibrated sheet passes x; NAN outside of the region. along: tangent of the angle of x
-     * from the beam. */
+    /* For each pixel, with the point x of the plane that the pixel sees:
+     * angle: sweep angle at which the calibrated sheet passes x, in rad; NAN outside of the
+     * region
+     * along: tangent of the angle between the beam and the direction to x */
     double *angle, *along;
     float weights[REACH + 1];
-    /* Of each frame. turn: deviation of the sheet's angle; roll: roll of the sheet; candidates:
-     * number of candidates, 0 if there is no line. */
+    /* For each frame:
+     * turn: deviation of the sheet's angle, in rad
+     * roll: roll of the sheet, in rad
+     * candidates: number of candidates; 0 if there is no line */
     float *turn, *roll, *candidates;
 };
 

@@ -3,11 +3,12 @@
  * module exists for comparison with laser_lines.h, which is more accurate.
  *
  * Each frame is filtered with a Gaussian. If the line crosses the rows of the reference region, the
- * brightest pixel of each row is a candidate; otherwise the brightest pixel of each column. Pixels
- * below a threshold are no candidates. A line is fitted to the candidates of the frame. The sheet
- * of light of the frame is the plane through this line and the laser's calibrated position. The
- * calibrated angle of the sheet is not used; laser_lines.h combines it with the lines. The roll of
- * the sheet is the mean over all frames. One thread at a time.
+ * brightest pixel of each row is a candidate. If the line crosses the columns, the brightest pixel
+ * of each column is a candidate. Pixels below a threshold are no candidates. A line is fitted to
+ * the candidates of the frame. The sheet of light of the frame is the plane through this line and
+ * the laser's calibrated position. The calibrated angle of the sheet is not used; laser_lines.h
+ * combines it with the lines. The roll of the sheet is the mean over all frames. One thread at a
+ * time.
  */
 #pragma once
 
@@ -16,8 +17,8 @@
 typedef struct LaserPictures LaserPictures;
 
 /* Borrows region and sweep. Of the sweep, only arc, laser, arc_rad, from_rad and step_rad are read.
- * A pixel can show the line if it is more than threshold_dn brighter than the median of the
- * region's pixels, both after the filter. */
+ * A pixel can show the line if its filtered value exceeds the median of the region's filtered
+ * values by more than threshold_dn. */
 LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_sweep *sweep,
                                   int width, int height, int n_frames, double threshold_dn);
 void laser_pictures_free(LaserPictures *pictures); /* NULL is ignored */

@@ -28,7 +28,7 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
         }
 }
 
-/* Sets each pixel's colour. The pixels of a mono sensor and of the planes of "rgb" count as
+/* Sets each pixel's colour. All pixels of a mono sensor, and of the planes of "rgb", count as
  * green. */
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
     static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", "rgb", NULL};
@@ -76,8 +76,8 @@ static gboolean project_texel(const struct rig_camera *camera, struct rig_rotati
     return TRUE;
 }
 
-/* Accumulates weights of pixels: an array over all pixels, and the list of the pixels to which
- * add_weight() has added. touched says whether a pixel is in the list. */
+/* An accumulator of weights. sum has a weight for each pixel. pixels is the list of the pixels to
+ * which add_weight() has added. touched says whether a pixel is in the list. */
 struct weights {
     float *sum;
     gboolean *touched;
@@ -96,11 +96,12 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
                      demosaic_mirror(x, rectify->width));
 }
 
-/* Gives the weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within
- * the middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at
- * each border the parabola is the mean of the two pixels that meet there. The parabola is the
- * derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ =
- * (3t − 4)t/2 + ½, w₀ = (3 − 3t)t + ½, w₊₁ = (3t − 2)t/2. */
+/* Gives the weights of three adjacent pixels for the value at t (0 … 1) within the middle pixel:
+ *   w₋₁ = (3t − 4)t/2 + ½, w₀ = (3 − 3t)t + ½, w₊₁ = (3t − 2)t/2.
+ * Within the middle pixel the value is a parabola. The mean of the parabola over the pixel is the
+ * pixel's value. At each border the parabola is the mean of the two pixels that meet there. The
+ * parabola is the derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel
+ * borders. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);
@@ -113,8 +114,8 @@ static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
     return colour == ANY || rectify->colour[pixel] == colour;
 }
 
-/* Adds to weights the weight of each pixel of a colour: the mean of w(column) · w(row) over the
- * sample points, with w from area_weights(). */
+/* For each pixel of a colour, adds its weight to `weights`. The weight is the mean of w(column) ·
+ * w(row) over the sample points, with w from area_weights(). */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
@@ -138,8 +139,8 @@ static float spline(double t) {
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
 }
 
-/* Adds to weights the smooth weight (spline()) of each pixel of a colour around the sample points.
- * apply_all() estimates the colour of the texel's surround with these weights. */
+/* For each pixel of a colour around the sample points, adds its smooth weight (spline()) to
+ * `weights`. apply_all() estimates the colour of the texel's surround with these weights. */
 static void weigh_around(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     for (int k = 0; k < footprint->n; k++) {
@@ -166,10 +167,10 @@ static void clear_rows(struct rows *rows) {
     g_clear_pointer(&rows->weight, g_array_unref);
 }
 
-/* Moves the weights from the accumulator to the row of a texel; the accumulator is 0 again
- * afterwards. The window of the row is the smallest one that contains all non-zero weights, begins
- * at an even column and consists of whole vectors. n_rows is 0 if there are no weights. gain is a
- * factor for each pixel; NULL stands for 1. */
+/* Moves the weights from the accumulator to the row of a texel, and sets the accumulator to 0. The
+ * window of the row is the smallest one that contains all non-zero weights, begins at an even
+ * column and consists of whole vectors. n_rows is 0 if there are no weights. gain is a factor for
+ * each pixel; NULL stands for 1. */
 static void append_row(const Rectify *rectify, struct rows *rows, int texel,
                        struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
@@ -201,8 +202,8 @@ static void append_row(const Rectify *rectify, struct rows *rows, int texel,
     g_array_set_size(weights->pixels, 0);
 }
 
-/* Sets balance_c to Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights, where k is the colour of
- * the weight's pixel, or to 0 if either sum is not positive. */
+/* Sets balance_c to Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights w, where k is the colour
+ * of a weight's pixel. If one of the sums is not positive, balance_c is 0. */
 static void balance(Rectify *rectify, int texel) {
     const struct window *window = &rectify->around.window[texel];
     const float *weight = rectify_weights_of(&rectify->around, texel);
@@ -241,8 +242,8 @@ static gboolean sides_px(const struct rig_camera *camera, double turntable_rad,
     return TRUE;
 }
 
-/* Returns the number of sample points of a texel in each direction, 2 … 64, so that they are at
- * most spacing_px apart if 64 suffice. */
+/* Returns the number of sample points of a texel along a side, 2 … 64. The points are at most
+ * spacing_px apart, or farther if this would take more than 64. */
 static int points_aside(double longest_px, double spacing_px) {
     return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
@@ -259,8 +260,9 @@ static float sum_weights(const struct weights *weights) {
     return sum;
 }
 
-/* camera[k] is the camera that applies to the pixels of colour[k], k < n. Without lateral colour, n
- * is 1 and one camera applies to all pixels. */
+/* With lateral colour, each colour is projected by a camera of its own: camera[k] applies to the
+ * pixels of colour[k], k < n. Without lateral colour, n is 1, and the camera applies to all
+ * pixels. */
 struct sights {
     struct rig_camera camera[3];
     int colour[3], n;
@@ -281,10 +283,11 @@ static struct sights sights_of(const Rectify *rectify, const struct rig_camera *
 }
 
 /* Computes the weights of the pixels in a texel's area. With lateral colour, the pixels of each
- * colour are weighted according to where they see the texel, and the weights are scaled to the
- * sum 1. If a texel is smaller than a pixel, the pixels at these places may nearly all have another
- * colour. If the sum of the weights is therefore below MIN_WEIGHT, all pixels are weighted as if
- * they were green. Returns FALSE if the texel lies outside of the picture. */
+ * colour are weighted according to where they see the texel, and the weights are scaled to the sum
+ * 1. If a texel is smaller than a pixel, the place where red light is seen may be a pixel of
+ * another colour, and likewise for green and blue. The sum of the weights is then small. If it is
+ * below MIN_WEIGHT, all pixels are weighted as if they were green. Returns FALSE if the texel lies
+ * outside of the picture. */
 static gboolean weigh_texel(const Rectify *rectify, const struct sights *sights,
                             struct rig_rotation turn, const struct session_grid *grid, int column,
                             int row, int side, struct footprint *footprint,
@@ -451,10 +454,13 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->vary = rectify_find_vary(rectify, rectify->ratio);
 }
 
-/* Computes value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others
- * in the texel's surround. The excess is the measured colour of the surround over the colour that
- * the guide's ratios predict. The excess corrects the ratios where the colour of this picture
- * differs from the colour of the guide: for example, gloss is white even on blue cloth. */
+/* Computes value_c = gain_c · (own_c + others_c · excess_c), where own_c and others_c are the sums
+ * of struct tally over the texel's area. From the same sums over the texel's surround follows
+ * excess_c = own_c · balance_c / others_c.
+ *
+ * The excess is the measured colour of the surround, divided by the colour that the guide's ratios
+ * predict. The excess corrects the ratios where this picture has another colour than the guide. For
+ * example, gloss is white even on blue cloth. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {
@@ -471,8 +477,8 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
     }
 }
 
-/* Computes value = gain_c · Σ w·m over the texel's area, for a plane of "rgb" that is padded like a
- * mosaic. */
+/* Computes value = gain_c · Σ w·m over the texel's area, with the weights w and the pixels m of a
+ * plane of "rgb". The plane is padded like a mosaic. */
 static void apply_plane(const Rectify *rectify, const float *padded, gsize c, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *window = &rectify->area.window[texel];
@@ -534,8 +540,8 @@ static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int 
     return TRUE;
 }
 
-/* Returns whether all pixels with a weight in a texel, or in its smooth weights, are finite, in all
- * planes. */
+/* Returns whether all pixels that contribute to a texel are finite, in all planes. These are the
+ * pixels with an area weight and those with a smooth weight. */
 static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic) {
     gboolean finite = TRUE;
     for (gsize c = 0; c < rectify->planes; c++) {

@@ -4,11 +4,11 @@
  * sparse matrix–vector product: texel_c = Σ_p w_p · ratio_pc · mosaic_p.
  *
  * The value of a texel is the mean radiance over its area as the camera sees it. A pixel is itself
- * a mean over its area; its variation within that area is interpolated from its neighbours. Every
- * pixel contributes to all colours. The two colours that a pixel does not measure follow from their
- * ratios to the pixel's own colour in a guide picture. The best guide is the mean picture under all
- * lights: shadows and highlights are then as sharp as without a colour filter. Any thread;
- * immutable once made and given a guide.
+ * a mean over its area. The variation within the pixel is interpolated from the neighbouring
+ * pixels. Every pixel contributes to all colours. The two colours that a pixel does not measure
+ * follow from their ratios to the pixel's own colour in a guide picture. The best guide is the mean
+ * picture under all lights: shadows and highlights are then as sharp as without a colour filter.
+ * Any thread; immutable once made and given a guide.
  */
 #pragma once
 
@@ -51,8 +51,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic);
  * finite. */
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes);
 
-/* Gives each texel the flags (combined with OR) of all pixels that have a share of at least 2 % in
- * the texel. pixels: height × width. ret_texels: n_texels. */
+/* Sets the flags of each texel to the OR of the flags of its pixels. Only pixels with a share of at
+ * least 2 % in the texel count. pixels: height × width. ret_texels: n_texels. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
 /* Computes squared errors of the result of rectify_apply() for this mosaic. Results are n_texels ×

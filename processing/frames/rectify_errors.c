@@ -7,8 +7,9 @@
 #define MAX_RATIO   100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Copies a texel's area weights into the window of its smooth weights, which contains the window of
- * the area. Without smooth weights (mono), the window of the area is used. Returns the window. */
+/* Copies a texel's area weights into the window of its smooth weights, and returns this window. It
+ * contains all area weights that are not 0. Without smooth weights (mono), the window of the area
+ * weights is used and returned. */
 static const struct window *widen(const Rectify *rectify, int texel, float *ret_area) {
     const struct window *area = &rectify->area.window[texel];
     const struct window *window = &rectify->around.window[texel];
@@ -16,7 +17,7 @@ static const struct window *widen(const Rectify *rectify, int texel, float *ret_
     window = window->n_rows > 0 ? window : area;
     const int columns = window->n_wide * LANES;
     memset(ret_area, 0, sizeof(float) * window->n_rows * (gsize)columns);
-    /* Only zeros of the area's window may lie outside of the other window. */
+    /* The part of the area's window that lies outside of the other window contains only zeros. */
     const int left = MAX(area->x, window->x);
     const int right = MIN(area->x + area->n_wide * LANES, window->x + columns);
     for (int y = MAX(area->y, window->y);
@@ -96,9 +97,10 @@ static void find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
     }
 }
 
-/* Estimates the variance of l from pixel to pixel, l being the logarithm of the ratio of green to a
- * pixel's own colour. Returns (l − mean of l over the four nearest pixels behind the same colour
- * filter)² / 1.25. The expectation of this is the variance if l varies at random. */
+/* Estimates the variance of l from pixel to pixel, where l is the logarithm of the ratio of green
+ * to a pixel's own colour. Returns (l − m)² / 1.25, where m is the mean of l over the four nearest
+ * pixels behind the same colour filter. If l varies at random, the expectation of this result is
+ * the variance of l. */
 static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
@@ -112,10 +114,10 @@ static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     return off * off / 1.25f;
 }
 
-/* Red or blue is measured by one pixel in four. If the ratio of this colour to green changes from
- * one such pixel to the next, the ratios of the pixels between them have errors of about that size.
- * The result is the weighted mean of vary_of() over the texel's pixels that see red or blue, and 0
- * for green. */
+/* Only one pixel in four measures red, and one in four blue. If the ratio of such a colour to green
+ * changes from one of its pixels to the next, the ratios of the pixels between them have errors of
+ * about this size. The result for red or blue is the weighted mean of vary_of() over the texel's
+ * pixels of that colour. The result for green is 0. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -138,8 +140,8 @@ float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     return ret;
 }
 
-/* For pixels of even and of odd rows, and each colour: 1 for pixels of this colour, otherwise 0;
- * and the reverse. */
+/* Masks of the colour filter, for even and odd rows and for each colour. own is 1 for pixels of the
+ * colour and 0 for other pixels. others is the reverse. */
 struct rectify_pattern {
     wide own[2][3], others[2][3];
 };
@@ -156,8 +158,8 @@ static inline __attribute__((always_inline)) void find_pattern(const Rectify *re
 }
 
 /* A frame in the form that the errors need. values and variances are padded planes. colours are
- * three padded planes: the value of a pixel in its own colour, and value times ratio in other
- * colours. vary is from rectify_find_vary(). */
+ * three padded planes: in the plane of its own colour a pixel has its value, in the other planes
+ * its value times the ratio. vary is from rectify_find_vary(). */
 struct rectify_frame {
     const float *values, *variances, *colours, *ratio, *vary;
     const struct rectify_slopes *slopes;
@@ -212,18 +214,22 @@ static const float *inner_weights(const Rectify *rectify, int texel, float *copy
     return copy;
 }
 
-/* Sums of one colour over a texel. squares: sum of u²; others: sum of the squares of the pixels of
- * other colours; dx, dy: sums of the slopes. */
+/* Sums of one colour over a texel, with the symbols of rectify_add_structure():
+ * squares: sum of u²
+ * others: sum of (w m)² over the pixels of other colours
+ * dx, dy: sums of the slopes, times w */
 struct rectify_sums {
     wide squares, others, dx, dy;
 };
 
-/* Adds LANES pixels of one row for one colour. m is the plane times a factor: here at the pixels,
- * aside at their neighbours in the row, below at their neighbours above and below. The factor is 1
- * for pixels of the colour itself, and the texel's excess for other pixels. Λ_p = m_p − mean of the
- * four neighbours is the part of m_p that the neighbours do not predict. Half the differences of
- * the neighbours are the slopes. other is 0 for pixels of the colour itself, otherwise 1. ret: u_p
- * = w_p Λ_p. */
+/* Adds LANES pixels p of one row to the sums of one colour. w_p is the weight of a pixel, and m_p
+ * is the plane times a factor. The factor is 1 for pixels of the colour itself, and the texel's
+ * excess for other pixels. `here` is the factor at the pixels, `aside` at their left and right
+ * neighbours, and `below` at their neighbours above and below. `other` is 0 for pixels of the
+ * colour itself, and 1 for other pixels.
+ *
+ * Λ_p = m_p − (mean of the four neighbours) is the part of m_p that the neighbours do not predict.
+ * The slopes are the differences between opposite neighbours. *ret is u_p = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {
@@ -239,13 +245,14 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
     *ret = u;
 }
 
-/* Errors are similar along an edge, but the direction of an edge is not known. Therefore the
- * largest of four sums is used, with u_p = w_p Λ_p:
+/* Estimates detail and shift of rectify_errors() for each colour c. Errors are similar along an
+ * edge, but the direction of an edge is not known. Therefore the largest of four sums is used, with
+ * u_p = w_p Λ_p of rectify_add_structure():
  *   max_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
  *   coherence_c = max_c / Σ_p u_p².
- * The unknown position of an edge within a pixel gives a variance of κ² max_c. The colours of
- * the pixels in a texel differ from the texel's colour. If the texel is CHROMA_PX pixels across,
- * they differ as much as the colours of adjacent texels do; in a smaller texel they differ more.
+ * The unknown position of an edge within a pixel gives a variance of κ² max_c. The colours of the
+ * pixels in a texel differ from the texel's colour. If the texel is CHROMA_PX pixels across, they
+ * differ as much as the colours of adjacent texels do; in a smaller texel they differ more.
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
  *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
  *   detail_c = max(0, κ² (gain_c² max_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),
@@ -261,7 +268,7 @@ rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame 
     const int columns = window->n_wide * LANES;
     struct rectify_sums sums[3] = {{{0}}};
     float rows[3] = {0}, total[3] = {0};
-    /* factors of pixels of even and odd rows (see rectify_add_structure()) */
+    /* factors of rectify_add_structure(), for even and odd rows and for each colour */
     wide here[2][3], aside[2][3];
     for (int row = 0; row < 2; row++)
         for (int c = 0; c < 3; c++) {

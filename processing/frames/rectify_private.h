@@ -7,7 +7,9 @@
 #include "rectify.h"
 
 #define MAX_EXCESS 10.0f /* maximum ratio of measured to predicted colour */
-#define CHROMA_PX  4.0   /* see rectify_structure(); measured: docs/lab/accuracy.md */
+/* size of a texel, in pixels, from which its pixels differ in colour as adjacent texels do
+ * (rectify_structure()); measured: docs/lab/accuracy.md */
+#define CHROMA_PX 4.0
 
 /* number of adjacent pixels that one vector instruction multiplies and adds */
 #define LANES 8
@@ -27,8 +29,9 @@ struct rows {
 };
 
 struct Rectify {
-    /* n_texels: number of texels; columns: number of texels per row; n_outside: number of texels
-     * outside of the picture */
+    /* n_texels: number of texels
+     * columns: number of texels per row
+     * n_outside: number of texels outside of the picture */
     int n_texels, columns, n_outside;
     int width, height; /* size of the mosaic in pixels */
     /* number of values in a padded row; padded, because windows may reach beyond the border */
@@ -36,12 +39,13 @@ struct Rectify {
     gsize n_pixels;
     guint8 *colour;     /* colour of each pixel, as in demosaic.h */
     int phase[4];       /* colours of the 2 × 2 filter cell, row by row */
-    gboolean mono;      /* there is no colour filter: cfa is "mono" or "rgb" */
+    gboolean mono;      /* TRUE if there is no colour filter: cfa is "mono" or "rgb" */
     gsize planes;       /* planes of a frame: 1, or 3 for "rgb" */
     struct rows area;   /* each pixel's share of the texel's area, times its gain */
     struct rows around; /* smooth weights, for estimating the colour of a texel */
-    /* n_texels: for each colour, the sum of the smooth weights of pixels of other colours over the
-     * sum of the smooth weights of pixels of this colour; 0 if either sum is not positive */
+    /* For each texel and colour, a quotient of two sums of smooth weights: the sum over the pixels
+     * of other colours, divided by the sum over the pixels of this colour. 0 if one of the sums is
+     * not positive. */
     float (*balance)[3];
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
@@ -66,12 +70,12 @@ static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plan
 }
 
 /* Returns the factors from the pixels of a mosaic to R, G and B (demosaic_ratios()) as three padded
- * planes (height × stride each). Unlike there, the factor of a pixel's own colour is 0, so that own
- * and estimated values are summed separately. g_free() */
+ * planes (height × stride each). The factor of a pixel's own colour is 0 here, not 1, so that
+ * measured and estimated values are summed separately. g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
 
-/* Returns for each texel and colour the variance, from pixel to pixel, of the logarithm of the
- * colour's ratio to green: n_texels × 3. g_free() */
+/* Returns n_texels × 3 variances, one for each texel and colour. The variance is that of the
+ * logarithm of the colour's ratio to green, from pixel to pixel. g_free() */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
 /* Copies a mosaic to padded rows (height × stride). Values that are not finite become 0; returns
@@ -93,8 +97,9 @@ static inline float rectify_sum_of(const wide *value) {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
-/* Computes own_c = Σ w·m over the pixels of colour c, others_c = Σ w·m·ratio_c over the other
- * pixels. mosaic is padded: its rows have the stride of the ratios. */
+/* Computes own_c = Σ w·m over the pixels of colour c, and others_c = Σ w·m·ratio_c over the other
+ * pixels. w are the weights of the texel and m the values of the mosaic. The rows of the mosaic are
+ * padded to rectify->stride. */
 static inline __attribute__((always_inline)) void
 rectify_add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
                const float *ratio, struct tally *ret) {

@@ -13,14 +13,15 @@
 #define NOISE_PIXELS 1024 /* number of pixels from which the noise is measured */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
 #define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
-#define DARKEST      2.5 /* expected distance of the minimum of many samples from their mean, in σ */
+#define DARKEST      2.5   /* distance between the minimum of many samples and their mean, in σ */
 /* number of frames at the start of a sweep whose successive pairs measure noise */
 #define NOISE_FRAMES 5
-/* a pair of frames is odd if its difference exceeds ODD_RATIO times that of a later pair plus
- * ODD_DN */
+/* a pair of frames is odd if its difference is larger than ODD_RATIO · (the difference of a later
+ * pair) + ODD_DN */
 #define ODD_RATIO 2
-#define ODD_DN    2 /* see ODD_RATIO */
-#define CROWDED   8 /* maximum number of records per vector is this plus ¾ of the frames */
+#define ODD_DN    2 /* DN, see ODD_RATIO */
+/* the maximum number of records per vector is CROWDED + ¾ of the number of frames */
+#define CROWDED 8
 
 /* Number of pixels of a SIMD vector. If one pixel of a vector is lit, all pixels of the vector are
  * recorded. Comparisons of GCC vectors give −1 or 0. */
@@ -28,7 +29,7 @@
 #define GROUP   4 /* number of vectors that are tested together */
 #define NOTHING G_MAXUINT32
 
-/* number of frames that absorb_dark() takes in one pass over the backgrounds */
+/* number of frames for which absorb_dark() updates the backgrounds together */
 #define TOGETHER 4
 #define AHEAD    2048 /* pixels of one page, at whose end hardware prefetching stops */
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
@@ -42,8 +43,10 @@ struct record {
 
 struct Sweep {
     gsize n_pixels, n_vectors;
-    int n_frames, count; /* n_frames: number of frames of the sweep; count: number added so far */
-    int first;           /* first frame that is included in the backgrounds */
+    /* n_frames: number of frames of the sweep
+     * count: number of frames that were added so far */
+    int n_frames, count;
+    int first; /* first frame that is included in the backgrounds */
     guint16 saturation, margin;
     guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
     int difference;               /* median difference of the pair that set the margin */
@@ -127,8 +130,8 @@ static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, cons
         keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
 }
 
-/* Limits a pixel's next sample to saturation, and lowers *darkest, the minimum of its samples, if
- * the sample is darker. Returns the sample minus the new minimum. */
+/* Takes a pixel's next sample. Limits the sample to saturation. *darkest is the minimum of the
+ * pixel's samples, including this one. Returns the limited sample minus *darkest. */
 static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
     guint16 value = MIN(sample, saturation);
     *darkest = MIN(value, *darkest);
@@ -212,10 +215,11 @@ static int by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels. If a
- * later pair differs much less, the whole picture of an earlier frame was lit differently. The
- * sweep then starts again with the current frame, which becomes the first frame of the
- * backgrounds. */
+/* Measures the noise in the first pair of frames: the median of |a − b| over n sampled pixels,
+ * where a and b are the values of a pixel in the two frames.
+ *
+ * If a later pair differs much less, the whole picture of an earlier frame was lit differently. The
+ * sweep then starts again, and the current frame becomes the first frame of the backgrounds. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
     int size[NOISE_PIXELS];
@@ -243,9 +247,9 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     }
 }
 
-/* Reduces the records if there are more than lines can explain, because of noise or flickering
- * light. Raises the margin by half, and drops the records below it, until at most half of `crowded`
- * are left or the margin has reached saturation / MAX_MARGIN. */
+/* Drops records when there are more of them than lines can explain, because of noise or flickering
+ * light. Raises the margin by half and drops the records below the margin. Repeats this until at
+ * most crowded / 2 records are left, or the margin has reached saturation / MAX_MARGIN. */
 static void make_room(Sweep *sweep) {
     int most = MAX(MIN_MARGIN, sweep->saturation / MAX_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
@@ -280,7 +284,8 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
     g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
     for (int k = 0, some = 0; k < n; k += some) {
-        /* The margin must grow after the same frame, no matter how the calls split the frames. */
+        /* Several frames are added together only if the margin cannot grow within them, so that the
+         * result does not depend on how the caller splits the frames. */
         const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
         const gboolean many = n - k >= TOGETHER && sweep->count >= NOISE_FRAMES;
         some = many && most <= sweep->crowded ? TOGETHER : 1;
@@ -328,7 +333,7 @@ static void gather(const Sweep *sweep, gsize vector, struct history *history) {
     }
 }
 
-/* One pixel's samples, and the records that hold them. */
+/* One pixel's samples, and the records that contain these samples. */
 struct pixel {
     struct history longer, shorter;
     int *frame;
@@ -409,7 +414,7 @@ static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) 
     samples->full = sweep->ratio * full_of(shorter, i);
 }
 
-/* Writes pixel i of the results. pulse is NULL if there is none. */
+/* Writes pixel i of the results. pulse is NULL if the pixel has no pulse. */
 static void write_pulse(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse,
                         double threshold, const struct sweep_pulses *ret) {
     const gboolean is_line = pulse && pulse->height >= threshold && pulse->time >= 0;

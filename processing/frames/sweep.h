@@ -3,13 +3,17 @@
  * analysis, Wang et al. 2005 §3.2). The result is the time of the peak of every pixel, to a
  * fraction of a frame.
  *
- * A line lights each pixel in a few frames only. Those samples are kept, together with the samples
- * just before and after them. Otherwise only the minimum of each pixel's samples is kept, as its
- * background. A sample belongs to a line if it exceeds the background by the noise margin. The
- * noise is measured in the first two frames; the margin is at least 4 DN, and grows if too many
- * samples exceed it. If one of the first five frames shows that the whole picture of an earlier
- * frame was lit differently, the sweep starts again with this later frame, and all frames before it
- * are left out. Feed the frames in order, each once. One thread at a time.
+ * A line lights each pixel in a few frames only. The samples of these frames are kept, together
+ * with the samples just before and after them. Of all other samples of a pixel, only the minimum is
+ * kept. The minimum is the pixel's background.
+ *
+ * A sample belongs to a line if it exceeds the background by the noise margin. The noise is
+ * measured in the first two frames. The margin is at least 4 DN, and grows if too many samples
+ * exceed it. If one of the first five frames shows that the whole picture of an earlier frame was
+ * lit differently, the sweep starts again with the later frame. All frames before the later frame
+ * are then left out.
+ *
+ * Add the frames in order, each once. One thread at a time.
  */
 #pragma once
 
@@ -30,20 +34,21 @@ void sweep_add(Sweep *sweep, const guint16 *pixels);
  * are slower. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 
-/* Sets a second sweep over the same steps with a shorter exposure; the exposure of the first sweep
- * is ratio times as long. Both sweeps are used for pulses that saturate the first one. The second
- * sweep is borrowed. Call this function before sweep_finish(), and add frames to both sweeps. */
+/* Sets a second sweep over the same steps with a shorter exposure. The exposure of `sweep` is ratio
+ * times that of `shorter`. Both sweeps are used for pulses that saturate `sweep`. `shorter` is
+ * borrowed. Call this function before sweep_finish(), and add frames to both sweeps. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
 /* Arrays of width × height each. Time and width are those of the Gaussian that best fits the
  * samples of the pulse, weighted by their noise. */
 struct sweep_pulses {
-    /* time in frames (0 is the middle of the first frame); −1 if there is no peak, because the
-     * maximum is below threshold, or is in the first frame that is not left out, or in the last
-     * frame */
+    /* Time in frames. 0 is the middle of the first frame. −1 means that there is no peak. There is
+     * none if the maximum is below threshold, or if the maximum is in the first frame of the
+     * backgrounds or in the last frame. */
     float *peak;
     float *width; /* standard deviation of the pulse in frames; may be NULL */
-    /* maximum above background, in DN of the longer of two exposures, at most its saturation */
+    /* Maximum above the background, in DN, at most saturation minus background. With two exposures,
+     * it is in DN of the longer one. */
     float *intensity;
 };
 
