@@ -2,8 +2,10 @@
 
 #include <math.h>
 
-#define VALLEY 0.6f  /* share of the fainter of two peaks; a minimum below this separates them */
-#define WINGS  0.12f /* share of the maximum; fainter samples may belong to another line */
+/* a minimum below this share of the fainter of two peaks separates the peaks */
+#define VALLEY 0.6f
+/* samples below this share of the maximum are left out, because they may belong to another line */
+#define WINGS 0.12f
 /* assumed mean of the samples next to a pulse that are below the margin, relative to the margin */
 #define FAINT   0.6f
 #define READ_DN 5.0f /* value in DN at which shot noise equals read noise */
@@ -18,8 +20,9 @@ struct span {
     int first, last, top;
 };
 
-/* Returns the pulse that begins at a sample. It ends where the frames are not consecutive, or at
- * the minimum before a rise if that minimum is below VALLEY of both peaks. */
+/* Returns the pulse that begins at sample `first`. The pulse ends where the frames are not
+ * consecutive, or at a minimum after which the samples rise again. Such a minimum ends the pulse if
+ * it is below VALLEY times the fainter of the peaks before and after it. */
 static struct span span_from(const struct sweep_samples *s, int first) {
     struct span span = {first, first, first};
     int low = first;
@@ -82,11 +85,13 @@ static double weight_of(const struct sweep_samples *s, int k, double value) {
     return value * value / (gain * (value + gain * READ_DN));
 }
 
-/* Fits the unsaturated samples of a pulse. If old is NULL, fits the parabola through the logarithms
- * of the samples above the margin. Otherwise makes one Gauss-Newton step from the first fit f, with
- * y' = ln f + (y − f) / f. Noise biases ln y but not y', so that dark samples can be used as well,
- * except samples so dark that noise decides whether they are recorded. Times are relative to
- * middle. Returns FALSE if there is no fit, or if its time is more than a frame outside of part. */
+/* Fits the unsaturated samples of a pulse. Times are relative to `middle`. Returns FALSE if there
+ * is no fit, or if the time of the fit is more than a frame outside of `part`.
+ *
+ * If `old` is NULL, fits the parabola through the logarithms ln y of the samples y above the
+ * margin. Otherwise makes one Gauss-Newton step from the fit `old`, f, with y' = ln f + (y − f) / f
+ * instead of ln y. Noise biases ln y but not y'. Therefore this step uses dark samples as well. It
+ * leaves out only samples that are so dark that noise decides whether they are recorded. */
 static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
                     const struct gaussian *old, struct gaussian *ret) {
     const double height =
@@ -129,9 +134,9 @@ static double value_at(const struct sweep_samples *s, const struct span *span, i
                                                                           : FAINT * s->margin;
 }
 
-/* Fits a pulse of one or two samples by the Gaussian through three samples. The other samples are
- * background. With the logarithms a, b, c at the times −1, 0, 1: time = ½ (a − c) / (a − 2b + c),
- * σ² = −1 / (a − 2b + c). */
+/* Fits a pulse of one or two samples by the Gaussian through three samples. Samples that the pulse
+ * lacks have the value that value_at() gives. With the logarithms a, b, c of the samples at the
+ * times −1, 0, 1: time = ½ (a − c) / (a − 2b + c), σ² = −1 / (a − 2b + c). */
 static void between_few(const struct sweep_samples *s, const struct span *span, int length,
                         struct sweep_pulse *ret) {
     double a = log(value_at(s, span, span->top - 1)), b = log((double)s->value[span->top]);
@@ -144,10 +149,10 @@ static void between_few(const struct sweep_samples *s, const struct span *span, 
     ret->width = 1 / sqrt(-curvature);
 }
 
-/* Fits a saturated plateau of n frames. On average, the pulse crosses the plateau's value half a
- * frame beyond the ends of the plateau. With the geometric mean g of the neighbours, which are
- * at h = (n + 1)/2 from the centre, σ² = (h² − n²/4) / (2 ln(top / g)). The ratio of the
- * neighbours gives the centre. */
+/* Fits a pulse with a plateau: n frames with the maximum value `top`. On average, the pulse crosses
+ * this value half a frame beyond the first and the last frame of the plateau, that is, n/2 from the
+ * centre. With the geometric mean g of the neighbours, which are at h = (n + 1)/2 from the centre,
+ * σ² = (h² − n²/4) / (2 ln(top / g)). The ratio of the neighbours gives the centre. */
 static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
                            struct sweep_pulse *ret) {
     double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
@@ -160,8 +165,8 @@ static void across_plateau(const struct sweep_samples *s, const struct span *spa
         ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
 }
 
-/* Returns the plateau with the samples above WINGS of the maximum, and with at least one sample
- * on each side. */
+/* Returns the plateau, the samples around it that are above WINGS times the maximum, and in any
+ * case one sample on each side. */
 static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
     struct span part = {span->top, span->top + length - 1, span->top};
     double least = WINGS * s->value[span->top];
@@ -193,8 +198,8 @@ static void measure(const struct sweep_samples *s, const struct span *span,
         ret->width = better.width;
         return;
     }
-    /* The pulse begins in the first frame. Fainter samples after it were taken as background, so
-     * that a flank is missing. */
+    /* If the pulse begins in the first frame, a flank is missing, because the samples of this flank
+     * were taken as background. */
     if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)

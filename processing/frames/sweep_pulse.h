@@ -5,18 +5,21 @@
 
 #include <glib.h>
 
-/* A pixel's samples above its background in order of time, and the samples next to them where
- * known. */
+/* A pixel's samples above its background, in order of time. The samples just before and after them
+ * are included if they were recorded. */
 struct sweep_samples {
     const int *frame;
-    const float *value;  /* DN above background */
-    const float *gain;   /* factor that was applied to each value; NULL if none was */
-    int n, first, count; /* n: number of samples; first: first frame of the backgrounds; count:
-                            number of frames */
-    float full;          /* values from here on are saturated */
-    float margin;        /* values up to here do not belong to a line */
-    float pedestal; /* DN: mean minus minimum of the samples without a line; the background is this
-                       minimum */
+    const float *value; /* DN above background */
+    const float *gain;  /* factor that was applied to each value; NULL if none was */
+    /* n: number of samples
+     * first: first frame of the backgrounds
+     * count: number of frames */
+    int n, first, count;
+    float full;   /* values from here on are saturated */
+    float margin; /* values up to here do not belong to a line */
+    /* DN: difference between the mean of the samples without a line and the background, which is
+     * their minimum */
+    float pedestal;
 };
 
 struct sweep_pulse {
