@@ -3,8 +3,8 @@
  * <mesorig/material.h>; link with `pkg-config --cflags --libs mesorig-material`. The header is
  * plain C, and can be used in C++.
  *
- * Everything except open and close may be called from any number of threads at the same time with
- * one material.
+ * Several threads may call the functions at the same time with the same material. Only
+ * mesorig_material_close() must not run while another call uses the material.
  *
  * Frame of the sample: x to the right, y upwards, z out of the surface. Texture coordinates u, v
  * are in tiles, with u along x. v goes downwards along the rows of the texture, against y. Both
@@ -44,11 +44,13 @@ typedef struct mesorig_material mesorig_material;
 
 /* Opens a material in any form: a file that “mesorig compress” or “mesorig process” wrote, a
  * session directory, or its products/btf. mdf is a file of the material's distances (MDF). If mdf
- * is NULL and path is a session directory or its products/btf, the MDF of the session is used if
- * there is one. Otherwise, if mdf is NULL, the material has no relief. Of a session's products, the
- * BTF itself is used if it exists, otherwise the compressed BTF with the smallest error. All values
- * of a BTF are held in memory, four bytes each. On failure, returns NULL and fills ret_error, which
- * may be NULL. */
+ * is NULL, the MDF of the session is used if path is a session directory or its products/btf and
+ * the session has an MDF. In all other cases without mdf, the material has no relief.
+ *
+ * Of a session directory, the BTF itself is used if it exists, otherwise the compressed BTF with
+ * the smallest error. All values of a BTF are kept in memory, four bytes each.
+ *
+ * On failure, returns NULL and fills ret_error, which may be NULL. */
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
@@ -99,10 +101,11 @@ int mesorig_material_evaluate(const mesorig_material *material, size_t n, const 
 /* The point where a ray meets the surface. The ray enters the reference plane at (u, v) and
  * continues along −view. */
 struct mesorig_hit {
-    /* 0 if the view is not above the horizon or an argument is not finite; all other members are
-     * then 0. Otherwise 1 */
+    /* 1 if there is a point, otherwise 0. It is 0 if the view is not above the horizon, or if an
+     * argument is not finite. All other members are then 0. */
     int hit;
-    /* along the ray from the reference plane, which is above the whole surface, to the point */
+    /* distance along the ray from the reference plane to the point; the reference plane is above
+     * the whole surface */
     float distance_mm;
     /* texture coordinates of the point of the reference plane vertically above the point; not
      * wrapped */
@@ -133,10 +136,13 @@ struct mesorig_surface {
  * view is n × 3 and points against the ray, in the frame of the mesh. surface has n elements. limit
  * (n) is the distance at which a ray ends, in the unit of the caller; NULL means that no ray ends.
  * ret_distance (n) is the distance from the mesh to the structure, in the unit of the caller. It is
- * −1 if an argument is not valid, or if the ray does not meet the structure before its limit. A ray
- * that meets no structure leaves the mesh again through a back face. Such a ray can also be marched
- * from that back face. If each half of the ray is marched from its own end, both halves stay nearer
- * to the mesh. Without relief all distances are 0. The first call prepares the volume of
+ * −1 if an argument is not valid, or if the ray does not meet the structure before its limit.
+ *
+ * A ray that meets no structure leaves the mesh again through a back face. The ray can be marched
+ * from both ends, from the front face and from the back face, each half with a limit. Both halves
+ * then stay nearer to the mesh.
+ *
+ * Without relief all distances are 0. The first call prepares the volume of
  * mesorig_material_intersect(). */
 int mesorig_material_march(const mesorig_material *material, size_t n, const float *uv,
                            const float *view, const struct mesorig_surface *surface,

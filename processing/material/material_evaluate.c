@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define COLOURS 3
-#define ACROSS  16 /* maximum number of points of a footprint in each dimension */
+#define ACROSS  16 /* maximum number of texels of a footprint that count in each dimension */
 
 /* Texels along one axis and their weights, whose sum is 1. */
 struct material_axis {
