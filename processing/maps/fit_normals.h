@@ -26,10 +26,12 @@ enum fit_normals_method {
 
 struct fit_normals_result {
     const char *model; /* "ptm" or "hsh" */
-    int texels, holes; /* holes is the number of texels without a normal */
-    int clipped;       /* for FIT_NORMALS_MAXIMUM the number of texels whose maximum is clipped */
-    /* for FIT_NORMALS_LAMBERT the number of texels in shadow or in a highlight under more than a
-     * quarter of the lights that they face; their normals are less certain */
+    /* texels: number of all texels
+     * holes: number of texels without a normal */
+    int texels, holes;
+    int clipped; /* number of clipped texels for FIT_NORMALS_MAXIMUM, otherwise 0 */
+    /* For FIT_NORMALS_LAMBERT, the number of texels with less certain normals. Such a texel is in
+     * shadow or in a highlight under more than a quarter of the lights that it faces. */
     int shadowed;
 };
 
@@ -37,13 +39,17 @@ struct fit_normals_result {
  * HSH but no MDF. */
 gboolean fit_normals_applies(const char *path);
 
-/* path is a session or the file of a model. Of a session, products/ptm.exr is used, or, if there is
- * no such file, products/hsh.exr. Writes an EXR with a part "normals" with "X", "Y", "Z",
- * all 0 for a texel without a normal. If heights is TRUE, the EXR has instead a part "height" with
- * "Z" in mm and "N", which is 1, or 0 for a hole. Heights have mean 0, because slopes do not give
- * absolute heights. The attributes are mesorig.kind, mesorig.model, texel_mm, reference_mm, holes,
- * clipped and shadowed. The progress stage is "normals". The error is in DATA_ERROR if no texel has
- * a normal, if the file is of another model, or if FIT_NORMALS_MAXIMUM is asked of an HSH. */
+/* Writes normals or heights as an EXR. path is a session or the file of a model. Of a session,
+ * products/ptm.exr is used, or products/hsh.exr if there is no PTM.
+ *
+ * If heights is FALSE, the EXR has a part "normals" with the channels "X", "Y", "Z", all 0 for a
+ * texel without a normal. If heights is TRUE, it has a part "height" with the channels "Z", in mm,
+ * and "N", which is 1, or 0 for a hole. Heights have mean 0, because slopes do not give absolute
+ * heights. The attributes are mesorig.kind, mesorig.model, texel_mm, reference_mm, holes, clipped
+ * and shadowed.
+ *
+ * The progress stage is "normals". The error is in DATA_ERROR if no texel has a normal, if the file
+ * is of another model, or if FIT_NORMALS_MAXIMUM is asked of an HSH. */
 gboolean fit_normals(const char *path, const char *file, gboolean heights,
                      enum fit_normals_method method, const struct work *work,
                      struct fit_normals_result *ret, GError **error);

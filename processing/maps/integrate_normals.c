@@ -12,9 +12,10 @@
 
 #define STEEPEST 0.1 /* minimum z of a normal whose slope is integrated */
 
-#define COARSEST   8   /* number of texels across below which a coarser grid is of no use */
+/* a grid of at most this many texels in each dimension is solved without a coarser grid */
+#define COARSEST   8
 #define ITERATIONS 400 /* maximum number of iterations on each grid */
-/* largest residual at which the iteration ends, relative to the residual when all heights are 0 */
+/* the iteration ends when the residual is at most this share of the residual with all heights 0 */
 #define PRECISION 1e-7
 
 struct grid {
@@ -27,8 +28,9 @@ static gboolean joined(const struct grid *grid, gsize i, gsize j) {
     return isfinite(grid->p[i] + grid->q[i] + grid->p[j] + grid->q[j]);
 }
 
-/* Computes b if slopes is TRUE (z may then be NULL), otherwise L z, as sums over the pairs of each
- * texel. The normal equations are those at the top of this file. */
+/* Computes one side of the normal equations at the top of this file: b if slopes is TRUE, otherwise
+ * L z. Each value is a sum over the pairs to which a texel belongs. If slopes is TRUE, z may be
+ * NULL. */
 static void apply(const struct grid *grid, const double *z, gboolean slopes, double *ret) {
     const gsize width = (gsize)grid->width, n = width * (gsize)grid->height;
     memset(ret, 0, sizeof(double) * n);
@@ -114,8 +116,9 @@ static void integrate_grid(const struct grid *grid, double *z) {
         integrate_grid(&half, coarse);
         for (int y = 0; y < grid->height; y++)
             for (int x = 0; x < grid->width; x++) {
-                /* The centre of a coarse texel is between four fine texels, a quarter of its width
-                 * from each in x and y. */
+                /* The centre of a coarse texel is the corner where four fine texels meet. In x and
+                 * in y, the centre of each fine texel is a quarter of the coarse texel's width
+                 * away. */
                 const int i = y / 2 * width + x / 2;
                 const double dx = (x % 2 ? 0.25 : -0.25) * half.step;
                 const double dy = (y % 2 ? -0.25 : 0.25) * half.step;

@@ -18,8 +18,8 @@ struct pictures {
     const struct near_field *near_field;
     int view;
     const float **planes; /* n_lights × 3: the channels R, G, B of the view's pictures */
-    const float **marks;  /* n_lights: the channel "mark" of each picture; NULL if no texel of it
-                             has a flag */
+    /* n_lights: the channel "mark" of each picture, or NULL for a picture without flags */
+    const float **marks;
 };
 
 gboolean light_normals_applies(const char *path) {
@@ -149,7 +149,7 @@ static enum photometric_cause usual_cause(const struct light_normals_result *res
     return (enum photometric_cause)usual;
 }
 
-/* Returns whether most values of the green planes are at the limit of half floats. */
+/* Returns whether most values of the green planes are the largest half float. */
 static gboolean are_cut(const struct pictures *pictures, int n_texels) {
     const int n_lights = (int)pictures->near_field->lights.n;
     gsize cut = 0;

@@ -7,9 +7,11 @@
 
 struct light_normals_result {
     int width, height, n_lights;
-    int view;                       /* position of the view among the views that have a file,
-                                       from 0 */
-    int texels, holes;              /* holes is the number of texels without a normal */
+    int view; /* position of the view among the views that have a file,
+                 from 0 */
+    /* texels: number of all texels
+     * holes: number of texels without a normal */
+    int texels, holes;
     int causes[PHOTOMETRIC_CAUSES]; /* number of texels by cause (enum photometric_cause) */
     double sigma_deg[2]; /* median and 95th percentile of the standard errors of the normals */
     double used; /* median, over the texels with a normal, of the number of lights that agree */

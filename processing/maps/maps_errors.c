@@ -14,7 +14,9 @@ struct maps_errors_run {
     const struct btf_matrix *btf; /* of->btf */
     const float *views, *lights;
     GMutex mutex;
-    double *sums, *counts; /* of each pair: sum of CIEDE2000 over texels, and number of texels */
+    /* sums: for each pair, the sum of CIEDE2000 over texels
+     * counts: for each pair, the number of these texels */
+    double *sums, *counts;
     double residual, all, delta_e, n;
     GError *error;
 };

@@ -15,9 +15,9 @@
 /* minimum decrease of the mean cost of a texel by a layer; the cost is relative to Σ u² Y² */
 #define WORTH       3e-4
 #define STEPS       12 /* maximum number of steps of the first refinement */
-#define STEPS_AGAIN 5  /* … and of the second, which has priors */
-/* If the cost of the first refinement is larger than the mean cost by this factor, the second also
- * begins with the parameters of the cluster. */
+#define STEPS_AGAIN 5  /* maximum number of steps of the second refinement, which has priors */
+/* If the cost of a texel in the first refinement exceeds this factor times the mean cost, the
+ * second refinement also tries the parameters of the cluster as a start. */
 #define LARGE         1.2
 #define STARTS        5   /* number of shapes with which the fit of a texel begins */
 #define LAMBERT_LIMIT 0.7 /* minimum z of a normal from lambert() with which a fit begins */
@@ -28,12 +28,12 @@ struct maps_fit_run {
     const struct maps_pairs *pairs;
     struct maps_fit *fit;
     float mean[MAPS_SHAPE];
-    /* if above 0, only the costs of every step-th texel are computed; 0 means that all texels are
-     * fitted */
+    /* 0: all texels are fitted; above 0: only the costs of every step-th texel are computed */
     int step;
-    /* costs of the texels and their mean: of the choice of layers, later of the first refinement */
+    /* costs of the texels, and the mean of these costs; first those of the choice of layers, later
+     * those of the first refinement */
     double *costs, mean_cost;
-    /* of all texels; NULL in the first fit */
+    /* parameters of all texels; NULL in the first fit */
     struct maps_parameters *parameters;
     struct maps_clusters *clusters;
     GMutex mutex;
@@ -110,8 +110,8 @@ static void dark(struct maps_texel *ret) {
                                .normal = {0, 0, 1}};
 }
 
-/* Replaces the metal in the parameters by a dielectric with the same lobes. This is possible
- * because a metal has the same lobe as a dielectric with a specular colour. */
+/* Replaces the metal in the parameters by a dielectric with the same lobes. Such a dielectric
+ * exists, because its specular colour can be that of the metal's lobe. */
 static void make_dielectric(struct maps_parameters *x) {
     const float m = x->x[MAPS_REFINE_METALLIC], w = x->x[MAPS_SHAPE - 1];
     const float all = (1 - m) * w + m;
@@ -128,7 +128,7 @@ static void make_dielectric(struct maps_parameters *x) {
     x->x[MAPS_REFINE_METALLIC] = 0;
 }
 
-/* Returns the parameters that move in the refinement of a texel, as bits. */
+/* Returns the parameters that the refinement of a texel may change, as bits. */
 static guint moving(const struct maps_fit_run *run, gboolean metal) {
     const guint shape = (1U << (MAPS_SHAPE - 1)) - 1, base = 7U << MAPS_REFINE_BASE;
     if (run->pairs->model == MAPS_MODEL_CORE)
@@ -139,7 +139,8 @@ static guint moving(const struct maps_fit_run *run, gboolean metal) {
 static void store(const struct maps_fit_run *run, const struct maps_parameters *x,
                   struct maps_texel *ret) {
     maps_parameters_store(x, ret);
-    for (int c = 0; c < 3; c++) /* exactly 1, the value of a file without the extension */
+    /* these texels have exactly 1, which stands for a file without the extension */
+    for (int c = 0; c < 3; c++)
         if (run->pairs->model == MAPS_MODEL_CORE || ret->metallic >= 1)
             ret->specular_colour[c] = 1;
 }

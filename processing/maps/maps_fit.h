@@ -9,20 +9,21 @@
  * and e are the linear solution (variable projection, Golub & Pereyra 1973). The
  * Levenberg–Marquardt method finds the normal, roughnesses and w.
  *
- * In the first round m_i is Y_i, y0 its mean, and h_i is 1. In two more rounds, m_i is the value of
- * the model, y0 a twentieth of the mean, and h_i Huber's factor. Shadows and other effects that the
- * model does not contain then count less. Metallic and specular follow from d and S. Then base,
- * specular colour and sheen are solved for each colour: first by least squares, then with weights
- * that minimise the sum of absolute differences of all three colours (iteratively reweighted least
- * squares). In both, values are also weighted by v·z of their view.
+ * In the first round m_i is Y_i, y0 is the mean of Y_i, and h_i is 1. In two more rounds, m_i is
+ * the value of the model, y0 is a twentieth of the mean of Y_i, and h_i is Huber's factor. Shadows
+ * and other effects that the model does not contain then count less. Metallic and specular follow
+ * from d and S. Then base, specular colour and sheen are solved for each colour: first by least
+ * squares, then with weights that minimise the sum of absolute differences of all three colours
+ * (iteratively reweighted least squares). In both steps, values are also weighted by v·z of their
+ * view.
  *
  * In the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give the metallic value m.
  *
  * The parameters of each texel are then refined together, by the colour difference that is seen
  * (maps_fit_private.h): first without priors, with half of the pairs, and then with all pairs and
- * the prior of the texel's cluster and of the texels around it. Except in the core model the
- * clusters decide which texels are metals, so that metal and dielectric do not alternate from texel
- * to texel.
+ * the prior of the texel's cluster and of the texels around it. In the full model the clusters
+ * decide which texels are metals, so that metal and dielectric do not alternate from texel to
+ * texel.
  *
  * Values that are NaN are left out. A texel without light is black. Any thread. */
 #pragma once
@@ -47,14 +48,19 @@ struct maps_fit {
     int dark;                  /* number of texels without light, which are black */
 };
 
-/* Fits the points of the mean surface (maps_register.h). If layers is NULL, the function tries
- * layers on a selection of texels. A layer is used if it lowers the cost of these texels by more
- * than a twentieth, and by more than 0.0003 per texel on average. The cost of a texel is relative
- * to Σ u_i² Y_i². The error is in DATA_ERROR if all values of the BTF are 0 or missing, or if there
- * is not enough memory. It is also in DATA_ERROR if there is no pair of a view and a light that are
- * both at least 1.15° above the plane of the sample. Fails also if the scratch file of the BTF
- * cannot be read, or if cancelled. The progress stages are "layers", only if layers is NULL and the
- * model is MAPS_MODEL_FULL, "fit" and "refine". */
+/* Fits the model to the points of the mean surface (maps_register.h). If layers is NULL, the
+ * function tries layers on a selection of texels. A layer is used if it lowers the cost of these
+ * texels by more than a twentieth, and by more than 0.0003 per texel on average. The cost of a
+ * texel is relative to Σ u_i² Y_i².
+ *
+ * Returns NULL with an error in DATA_ERROR
+ * - if all values of the BTF are 0 or missing,
+ * - if there is not enough memory, or
+ * - if no view and light are both at least 1.15° above the plane of the sample.
+ * Fails too if the scratch file of the BTF cannot be read, or if cancelled.
+ *
+ * The progress stages are "layers", "fit" and "refine". "layers" exists only if layers is NULL and
+ * the model is MAPS_MODEL_FULL. */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

@@ -47,7 +47,7 @@ void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
 #define MAPS_MIN_LOG_ALPHA (-4.60517F) /* logarithm of the minimum α, MAPS_MIN_ROUGHNESS² */
 #define MAPS_MAX_NORMAL    0.85F       /* maximum of |(x, y)| of a normal */
 
-/* The frame of a shape, and α along t (at) and along b (ab). */
+/* The frame (n, t, b) of a shape, αt (member at) and αb (member ab). */
 struct maps_frame {
     float n[3], t[3], b[3], direction[2], at, ab;
 };
@@ -62,14 +62,14 @@ struct maps_solver;
 struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
 void maps_solver_free(struct maps_solver *solver);
 
-/* The result of a fit: the shape, the factors of the columns, and the cost. The cost is Σ u² r² / Σ
- * u² Y², where u are the weights of maps_fit.h and r the residuals. */
+/* The result of a fit: the shape, the factors d, S and e, and the cost. The cost is Σ u² r² / Σ u²
+ * Y², where u are the weights of maps_fit.h and r the residuals. */
 struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;
 };
-/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with that of the
- * n_starts shapes in `starts` that has the lowest cost. Returns FALSE if the texel has no light. */
+/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with one of the n_starts
+ * shapes in `starts`, the one with the lowest cost. Returns FALSE if the texel has no light. */
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);
@@ -85,17 +85,21 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
  * specular parts that are not separated, such as a brown diffuse part that is attributed to a wide
  * highlight. The refinement minimises
  *   Σ a_i √(|r_i|² + ½²) / Σ a_i  +  Σ_k ((x_k − μ_k) / σ_k)²
- * over the pairs i of a view and a light. r_i is the difference of the model from the value in L*,
- * a* and b*, divided by the tolerances S_L, S_C and S_C of CIEDE2000 at the value (with its factor
- * 1 + G of a*). |r_i| is therefore about a CIEDE2000. The root makes large differences, such as
- * those of shadows, count with their size instead of their square. a_i is v·z, in proportion to the
- * area that the view shows. x are the parameters below, and μ and σ the prior.
+ * over the pairs i of a view and a light. r_i is the difference between model and value in L*, a*
+ * and b*. The difference in L* is divided by the tolerance S_L of CIEDE2000 at the value, the
+ * differences in a* and b* by S_C. (a* has CIEDE2000's factor 1 + G.) |r_i| is therefore about a
+ * CIEDE2000. Because of the root, large differences, such as those of shadows, count with their
+ * size instead of their square. a_i is v·z, in proportion to the area that the view shows. x are
+ * the parameters below, and μ and σ are the prior.
  *
  * The Levenberg–Marquardt method minimises the sum with weights that are renewed in each step
  * (iteratively reweighted least squares). Sheen and clear coat remain as they are. */
 
-/* The parameters of a texel in the refinement: the shape (MAPS_SHAPE), whose last is the specular
- * weight w; the base colour; the dielectric's reflectance F = 0.04 specular_colour; metallic. */
+/* The parameters of a texel in the refinement, in this order:
+ * - the MAPS_SHAPE values of the shape, the last of which is the specular weight w
+ * - the base colour
+ * - the reflectance of the dielectric, 0.04 specular_colour
+ * - metallic */
 enum {
     MAPS_REFINE_BASE = MAPS_SHAPE,
     MAPS_REFINE_F0 = MAPS_REFINE_BASE + 3,
@@ -106,7 +110,8 @@ struct maps_parameters {
     float x[MAPS_REFINE_SIZE];
 };
 
-/* A prior: the means μ and 1/σ². A weight of 0 means that the parameter has no prior. */
+/* A prior: for each parameter the mean μ and the weight 1/σ². A weight of 0 means that the
+ * parameter has no prior. */
 struct maps_refine_prior {
     struct maps_parameters mean;
     float weights[MAPS_REFINE_SIZE];
@@ -118,12 +123,14 @@ struct maps_refiner *maps_refiner_new(const struct maps_pairs *pairs,
                                       const struct maps_layers *layers);
 void maps_refiner_free(struct maps_refiner *refiner); /* NULL is ignored */
 
-/* Takes the values (pairs × 3) of a texel, or only half of them, and its sheen or clear coat. NaN
- * is left out. Returns FALSE if there is no value. rgb is not needed after the call. */
+/* Prepares the refinement of a texel: takes its values rgb (pairs × 3), and its sheen or clear
+ * coat. If half is TRUE, takes only half of the values. NaN is left out. Returns FALSE if there is
+ * no value. rgb is not needed after the call. */
 gboolean maps_refiner_take(struct maps_refiner *refiner, const float *rgb,
                            const struct maps_texel *texel, gboolean half);
-/* Improves x in at most `steps` steps. Parameters whose bit is not in `moving` stay as they are.
- * Returns the sum above: about the mean CIEDE2000, at least ½. */
+/* Improves x in at most `steps` steps. A parameter changes only if its bit is set in `moving`.
+ * Returns the sum that the refinement minimises (see above). It is about the mean CIEDE2000, and at
+ * least ½. */
 double maps_refiner_run(struct maps_refiner *refiner, const struct maps_refine_prior *prior,
                         guint moving, int steps, struct maps_parameters *x);
 
@@ -132,20 +139,21 @@ double maps_refiner_run(struct maps_refiner *refiner, const struct maps_refine_p
 struct maps_parameters maps_parameters_of(const struct maps_texel *texel);
 void maps_parameters_store(const struct maps_parameters *from, struct maps_texel *ret);
 
-/* The prior of each texel: what its cluster and the texels around it are like. */
+/* The prior of each texel follows from its cluster and from the texels around it. */
 
 #define MAPS_CLUSTERS 4 /* maximum number of clusters */
 
-/* Texels of one kind of surface, such as the threads of one direction or the grains of one
- * mineral. The features by which they are found are the share of the diffuse part, the width of the
- * lobe, and the square root of the lobe's reflectance (k-means). */
+/* Clusters of texels that have the same kind of surface, such as the threads of one direction or
+ * the grains of one mineral. The clusters are found by k-means from three features of a texel: the
+ * share of the diffuse part, the width of the lobe, and the square root of the lobe's
+ * reflectance. */
 struct maps_clusters {
     int n;
     guint8 *labels;                                /* of each texel, 0 … n − 1 */
     struct maps_parameters medians[MAPS_CLUSTERS]; /* the median of each parameter */
-    /* Whether the cluster is a metal. It is a metal if the diffuse part of the reflectance has a
-     * share of less than MAPS_METAL (median over the texels of the cluster). All texels of a metal
-     * have metallic 1, all others 0. */
+    /* Whether the cluster is a metal. The share of the diffuse part in a texel's reflectance has a
+     * median over the cluster. If this median is below MAPS_METAL, the cluster is a metal. Texels
+     * of a metal have metallic 1, other texels 0. */
     gboolean metal[MAPS_CLUSTERS];
 };
 #define MAPS_METAL 0.08F
@@ -161,10 +169,10 @@ void maps_clusters_free(struct maps_clusters *clusters); /* NULL is ignored */
 void maps_clusters_set_metals(const struct maps_clusters *clusters, int n,
                               struct maps_parameters *texels);
 
-/* Gives the prior of a texel. Its mean is the mean of the texels around it, weighted by their
- * distance and by the difference of their features, and of the median of its cluster. If the texel
- * is a metal, only metals around it count; otherwise, only texels that are not metals. Normal and
- * base colour have no prior. */
+/* Gives the prior of a texel. The mean μ of the prior is a weighted mean of the texels around it
+ * and of the median of its cluster. The weights of the texels depend on their distance and on the
+ * difference of their features. For a metal, only metals around it count. For another texel, metals
+ * do not count. Normal and base colour have no prior. */
 struct maps_refine_prior maps_clusters_prior(const struct maps_clusters *clusters,
                                              const struct maps_parameters *texels, int width,
                                              int height, int texel);

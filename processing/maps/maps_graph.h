@@ -10,12 +10,13 @@ struct maps_graph {
     const char *material;
 };
 
-/* Returns the name of maps as a name of nodes and of prims of USD, which may not contain "-" and,
- * in USD, may not begin with a digit; g_free(). */
+/* Converts the name of maps to a name of MaterialX nodes and of USD prims; g_free(). Such a name
+ * may not contain "-". In USD it may not begin with a digit either. */
 char *maps_graph_name(const char *name);
 
-/* Begins a node. category is MaterialX's name of the node, type the type of its output. The name of
- * its definition in MaterialX's libraries is ND_CATEGORY_VARIANT. Inputs follow. */
+/* Begins a node, to which the functions below add inputs. category is the kind of node in
+ * MaterialX, and type is the type of its output. The name of its definition in MaterialX's
+ * libraries is ND_CATEGORY_VARIANT. */
 void maps_graph_begin(const struct maps_graph *graph, const char *category, const char *variant,
                       const char *type, const char *name);
 /* Ends a node that began with the same category and type. */

@@ -12,13 +12,14 @@
 #include "maps_private.h"
 
 #define DIRECTIONS 16
-#define REACH      48    /* maximum distance in texels at which the horizon is searched */
-#define MAX_HOLES  0.5   /* share of texels without a height above which an MDF is not used */
-#define TAIL       0.002 /* share of the heights at each end that are assumed to be wrong */
-#define STEEPEST   0.1F  /* minimum z of a normal whose slope is integrated */
+#define REACH      48 /* maximum distance in texels at which the horizon is searched */
+/* if the share of texels without a height is above this, an MDF is not used */
+#define MAX_HOLES 0.5
+#define TAIL      0.002 /* share of the heights at each end that are assumed to be wrong */
+#define STEEPEST  0.1F  /* minimum z of a normal whose slope is integrated */
 
-/* Sets the heights to those that “mesorig export height” writes. If too many texels have none, sets
- * heights_from so that the heights follow from normals. */
+/* Sets the heights to those that “mesorig export height” writes. If too many texels have no such
+ * height, only sets heights_from, so that the caller computes the heights from the normals. */
 static gboolean maps_heights_mdf(struct maps *maps, const char *session, const struct work *work,
                                  GError **error) {
     const struct export_surface_options options = {.what = EXPORT_HEIGHT, .layered = TRUE};

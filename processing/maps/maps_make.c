@@ -11,8 +11,8 @@
 
 #define ISOTROPIC 0.15F /* mean anisotropy below which the maps have no anisotropy */
 
-/* Returns a name with only letters, digits, “-” and “_”, which are valid in names of files, in XML
- * and in Python, and at most 64 of them; g_free(). */
+/* Returns a name of at most 64 characters that are letters, digits, “-” or “_”; g_free(). These
+ * characters are valid in names of files, in XML and in Python. */
 static char *plain_name(const char *name) {
     char *ret = g_strdup(name && *name ? name : "material");
     g_strcanon(ret, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", '_');

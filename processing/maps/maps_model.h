@@ -30,16 +30,18 @@
 /* The parameters of one texel. Vectors are in the sample frame. */
 struct maps_texel {
     float base[3], metallic, roughness;
-    float specular, specular_colour[3]; /* specular_colour is s of F_d, 0 … MAPS_MAX_SPECULAR */
-    /* anisotropy is 0 … 1; direction is the direction of t, a unit vector before t is made
-     * orthogonal to n */
+    /* specular: weight of the dielectric's lobe, 0 … 1
+     * specular_colour: s of F_d, 0 … MAPS_MAX_SPECULAR */
+    float specular, specular_colour[3];
+    /* anisotropy: 0 … 1
+     * direction: x and y of t before t is made orthogonal to n; a unit vector */
     float anisotropy, direction[2];
     float normal[3]; /* unit, z > 0 */
     float sheen[3], coat;
 };
 
-/* The layers that all texels share. A roughness of 0 means that the material does not have the
- * layer. */
+/* The two layers, sheen and clear coat, have the same roughness in all texels. A roughness of 0
+ * means that the material does not have the layer. */
 #define MAPS_SHEEN_STEPS 32
 struct maps_layers {
     float sheen_roughness, coat_roughness;
@@ -52,8 +54,8 @@ struct maps_layers maps_layers_new(double sheen_roughness, double coat_roughness
 void maps_evaluate(const struct maps_layers *layers, const struct maps_texel *texel,
                    const float v[3], const float l[3], float ret[3]);
 
-/* maps_lobe() returns D V of an isotropic lobe with α, maps_sheen() returns D_s V_s, both at the
- * cosines n·l, n·v and n·h. */
+/* maps_lobe() returns D V of an isotropic lobe with α. maps_sheen() returns D_s V_s. Arguments of
+ * both are the cosines nl = n·l, nv = n·v and nh = n·h. */
 double maps_lobe(double alpha, double nl, double nv, double nh);
 double maps_sheen(double roughness, double nl, double nv, double nh);
 /* Returns E(cos θ) from the table. */

@@ -5,9 +5,10 @@
 
 #define FEATURES 3
 #define ROUNDS   20
-#define RADIUS   2                /* radius of the window of neighbours, in texels */
-#define APART    0.1F             /* difference of features at which a neighbour counts e^−½ */
-#define WEIGHT   (MAPS_SHAPE - 1) /* index of the specular weight w */
+#define RADIUS   2 /* radius of the window of neighbours, in texels */
+/* difference of features at which the weight of a neighbour is e^−½ */
+#define APART  0.1F
+#define WEIGHT (MAPS_SHAPE - 1) /* index of the specular weight w */
 
 /* 1/σ² of the parameters (maps_fit_private.h). A deviation of σ costs a CIEDE2000 of 1. */
 static const float weights[MAPS_REFINE_SIZE] = {0, 0, 0.3F, 0.3F, 0.3F, 0.05F, 0,
@@ -97,7 +98,7 @@ struct maps_clusters *maps_clusters_new(const struct maps_parameters *texels, in
     ret->labels = g_new0(guint8, n);
     for (int t = 0; t < n; t++)
         features(&texels[t], of[t]);
-    /* A further centre begins at the texel that is farthest from all others. */
+    /* Each further centre begins at the texel that is farthest from the centres so far. */
     memcpy(centres[0], of[0], sizeof centres[0]);
     for (ret->n = 1;; ret->n++) {
         int farthest = 0;

@@ -16,16 +16,17 @@ struct maps_refiner {
     const struct maps_pairs *pairs;
     const struct maps_layers *layers;
     int n;       /* number of pairs with a value */
-    int *used;   /* n; the index of each of them in pairs. The arrays below are in this order. */
+    int *used;   /* Index in `pairs` of each of the n pairs. The arrays below have this order. */
     double area; /* Σ a_i */
-    /* For each pair with a value.
+    /* For each pair with a value:
      *   lab      L*, a* and b* of the value
      *   scales   factors by which differences of L*, a* and b* are multiplied
      *   weights  the weight a_i
      *   left     share of the light that the layers leave
      *   added    light that the layers add */
     float *lab[3], *scales[3], *weights, *left, *added[3];
-    /* lobes of the shape, then of the shape with each of its values moved */
+    /* The two lobes of the shape. Then, for each value of the shape, the two lobes of the shape in
+     * which this value has moved by STEP. */
     float *lobes[2 * (MOVING_SHAPE + 1)];
     float *trial[2];
     float *colours[3]; /* the differences r_i */
@@ -106,7 +107,8 @@ static void tolerances(const float lab[3], float ret[3]) {
     ret[2] = 1 / sc;
 }
 
-/* Sets left and added of the i-th pair with a value (p), by the formulas of maps_model.h. */
+/* Sets `left` and `added` of the i-th pair with a value, by the formulas of maps_model.h. p is the
+ * index of this pair in refiner->pairs. */
 static void layer(struct maps_refiner *refiner, const struct maps_texel *texel, int i, int p) {
     float *const *planes_of = refiner->pairs->planes;
     const struct maps_layers *layers = refiner->layers;

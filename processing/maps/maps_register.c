@@ -1,5 +1,5 @@
-/* Shifts the pictures of views, averaged over lights, against each other by the displacements that
- * belong to a depth, and compares them. */
+/* Makes a picture of each view by averaging over lights. Shifts these pictures against each other
+ * by the displacements that belong to a depth, and compares them. */
 #include "maps_register.h"
 
 #include <math.h>
@@ -13,13 +13,13 @@
  * not have these texels */
 #define MARGIN   4
 #define STEEPEST 0.45F  /* minimum z of a view that is compared */
-#define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */
+#define LEAST    (-1.0) /* depths from LEAST to MOST, in texels, are tried */
 #define MOST     4.0
 #define STEP     0.125 /* step between the depths that are tried, in texels */
 /* a depth must reduce the difference of the views to less than this share of the difference without
  * a depth */
 #define BETTER 0.9
-/* standard deviation of a pattern, relative to the mean, below which it gives no depth */
+/* minimum standard deviation of a pattern that gives a depth, relative to the mean */
 #define FAINT   0.005
 #define NOTHING 0.06 /* depths up to this number of texels count as 0 */
 
@@ -81,8 +81,8 @@ static gboolean maps_register_picture(const struct btf_matrix *btf, int view, in
     return TRUE;
 }
 
-/* Returns the quotient of maps_register.h, the variance between the views relative to that of their
- * mean picture, for a depth in texels. Returns INFINITY if there is no pattern. */
+/* Returns the quotient of maps_register.h for a depth in texels: the variance between the views,
+ * divided by the variance of their mean picture. Returns INFINITY if there is no pattern. */
 static double maps_register_differ(const struct maps_register_search *s, double depth) {
     double within = 0, contrast = 0, mean[3] = {0};
     gint64 n = 0;

@@ -18,8 +18,8 @@ struct maps_register {
 /* Finds the depth at which the views agree best: the minimum of
  *   Σ_x mean_v (M_v(x) − M(x))² / Σ_x (M(x) − M̄)²
  * over the texels x of a window in the middle. M_v is the mean of view v over lights, scaled to a
- * mean of 1 in the window. M is the mean of M_v over the views that cover x. M̄ is the mean of M.
- * The depth is 0 unless the minimum is more than a tenth below the value at depth 0, because a
+ * mean of 1 in the window. M is the mean of M_v over the views that cover x. M̄ is the mean of M. If
+ * the minimum is not more than a tenth below the value at depth 0, the depth is 0, because a
  * surface without a pattern does not show its depth. The progress stage is "depth". Returns NULL if
  * the scratch file of the BTF cannot be read, or if cancelled. */
 struct maps_register *maps_register_new(const struct btf_matrix *btf, const struct work *work,

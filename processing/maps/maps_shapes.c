@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* number of the sphere's quads around its axis; DOWN is their number from pole to pole */
+/* AROUND: number of quads of the sphere around its axis; DOWN: from pole to pole */
 #define AROUND  96
 #define DOWN    48
 #define TILES_U 6 /* repetitions of the material around the sphere, as in mesorig-view */

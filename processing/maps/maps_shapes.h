@@ -3,9 +3,9 @@
 
 #include "maps.h"
 
-/* number of floats of a vertex: position (3), normal (3), tangent and its sign (4), texture
- * coordinates (2). Texture coordinates are in tiles of the material; v is 0 at the top row of the
- * maps and points downwards. */
+/* Number of floats of a vertex: position (3), normal (3), tangent and sign of the bitangent (4),
+ * texture coordinates (2). Texture coordinates are in tiles of the material. v is 0 at the top row
+ * of the maps and points downwards. */
 #define MAPS_VERTEX 12
 
 struct maps_mesh {
@@ -17,7 +17,7 @@ struct maps_mesh {
 struct maps_mesh maps_shapes_plane(const struct maps *maps);
 /* Makes a sphere around the y axis with 6 × 3 tiles. */
 struct maps_mesh maps_shapes_sphere(const struct maps *maps);
-/* Returns the x of the middle of the sphere, which is beside the plane if there is one. The plane
- * is around the origin. shapes is a sum of enum maps_shapes. */
+/* Returns x of the middle of the sphere. shapes is a sum of enum maps_shapes. The middle of the
+ * plane is the origin. The sphere lies beside the plane if `shapes` contains both. */
 double maps_shapes_aside(const struct maps *maps, int shapes);
 void maps_shapes_clear(struct maps_mesh *mesh);

@@ -11,7 +11,7 @@
 
 #define EXPONENT 0.6F
 #define DARK     0.05F /* y0 of maps_fit.h, relative to the mean of Y */
-/* larger residuals, in standard deviations, count less than their squares (Huber 1981) */
+/* residuals above this number of standard deviations count less than their squares (Huber 1981) */
 #define HUBER      1.345
 #define STEPS      6
 #define ROUNDS     3
@@ -37,7 +37,8 @@ struct maps_solver {
     float dark; /* y0 of maps_fit.h */
     float *diffuse, *lobe, *residuals, *trial, *slopes[MAPS_SHAPE];
     double *sorted;
-    /* energy: Σ u² Y² (maps_fit.h); weak: weight of the priors of the factors */
+    /* energy: Σ u² Y² (maps_fit.h)
+     * weak: weight of the priors of the factors */
     double energy, weak;
     double n_valid;
 };
@@ -257,9 +258,9 @@ static double descend(struct maps_solver *solver, double cost, struct maps_solut
     return cost;
 }
 
-/* Computes weights (m_i + y0)^−0.6 from the model's values m_i instead of the measured ones, so
- * that values in shadow do not count most. Also computes Huber's factors, from residuals whose
- * standard deviation is estimated by their median. */
+/* Computes the weights (m_i + y0)^−0.6. m_i are the values of the model, not the measured ones,
+ * because otherwise values in shadow would count most. Computes Huber's factors too, with a
+ * standard deviation that is estimated by the median of the residuals. */
 static void robust(struct maps_solver *solver) {
     int n = 0;
     solver->energy = 0;
@@ -364,7 +365,7 @@ struct maps_colours {
 };
 
 /* Gives the factors by which base, specular colour and sheen are multiplied in the value of pair i.
- * Returns the part of the value that depends on none of these three. */
+ * Returns the part of the value that depends on neither base nor specular colour nor sheen. */
 static double colour_columns(const struct maps_solver *solver, const struct maps_colours *of, int i,
                              double ret[MAPS_COLUMNS]) {
     const float *const *p = (const float *const *)solver->pairs->planes;
@@ -391,7 +392,7 @@ static void colours_fit(const struct maps_solver *solver, const float *rgb,
                         const struct maps_colours *of, const double start[MAPS_COLUMNS],
                         double ret[3][MAPS_COLUMNS]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
-    /* In the core model, the reflectance of a dielectric is fixed. */
+    /* In the core model, the reflectance of a dielectric is constant, not fitted. */
     const double least[MAPS_COLUMNS] = {0, core ? 1 : 0, 0};
     const double most[MAPS_COLUMNS] = {1, core ? 1 : (double)MAPS_MAX_SPECULAR, 1};
     double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
@@ -459,8 +460,8 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
     const struct maps_frame frame = maps_frame_of(solution->shape);
     const double d = (double)solution->factors[0], s = (double)solution->factors[1];
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
-    /* A reflectance of up to twice that of a dielectric is not attributed to a metal, if a specular
-     * colour can represent it. */
+    /* A reflectance of up to twice that of a dielectric does not make a metal, if a specular colour
+     * can represent this reflectance. */
     const double m = metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
     const double w = core ? 1 : MAX((double)solution->shape[5], MIN(2 * s, 1));
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);

@@ -15,7 +15,7 @@ static void tuple(GString *to, const float *values, int n) {
     g_string_append_c(to, ')');
 }
 
-/* Writes n floats of each vertex, from the float `first` on. */
+/* Writes floats first … first + n − 1 of each vertex. */
 static void vertices(GString *to, const char *declaration, const struct maps_mesh *mesh, int first,
                      int n) {
     g_string_append_printf(to, "        %s = [", declaration);
@@ -112,8 +112,8 @@ static double mean_ior(const struct maps *maps) {
     return (1 + root) / (1 - root);
 }
 
-/* Writes UsdPreviewSurface (Pixar 2016, version 2.6) and its textures. It has no anisotropy, no
- * sheen, and one reflectance of dielectrics for all texels. */
+/* Writes UsdPreviewSurface (Pixar 2016, version 2.6) and its textures. UsdPreviewSurface has no
+ * anisotropy and no sheen. Its dielectrics have the same reflectance in all texels. */
 static void preview(GString *to, const struct maps *maps, const char *material) {
     static const char *const inputs[][4] = {
         {"color3f", "diffuseColor", "BaseColor", "rgb"}, {"float", "metallic", "Metallic", "r"},

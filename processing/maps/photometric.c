@@ -11,11 +11,11 @@
 #define SAMPLES   1536 /* number of texels from which σ is estimated */
 #define BINS      8    /* number of ranges of |b|, with the same number of samples each */
 #define TRIPLES   160  /* maximum number of triples that are tried */
-#define TRUNCATED 3.0  /* in σ: larger differences count as much as a difference of this size */
+#define TRUNCATED 3.0  /* in σ: maximum size with which a difference counts */
 #define SHADOW    0.35 /* share of the expected value below which a light is in shadow */
-/* weight of a light that is dimmer than expected but not in shadow, relative to other lights */
+/* factor of TRUNCATED² for a light that is dimmer than expected but not in shadow */
 #define IMPLAUSIBLE 3.0
-/* in σ: maximum difference of a light's value from b · l_i if the light agrees */
+/* in σ: a light agrees if its value differs from b · l_i by at most this */
 #define AGREES 3.5
 #define ROUNDS 12
 /* number of iterations of least squares over the lights that the surface faces */
@@ -28,7 +28,8 @@
 #define VOLUME   0.02 /* minimum |det| of a triple of lights */
 /* number of simulated texels of rehearse() */
 #define REHEARSALS 256
-/* quantile of the samples' scales that is σ; texels with highlights have larger scales */
+/* σ is this quantile of the scales of the samples, because texels with highlights have larger
+ * scales */
 #define QUANTILE 0.25
 #define WIDEST   32  /* maximum multiple of σ that is tried if too few lights agree */
 #define SHARE    0.4 /* minimum share of the facing lights that must agree */
@@ -45,7 +46,9 @@ struct lit {
 struct solver {
     const struct photometric_input *input;
     struct photometric_texel *ret;
-    double at[BINS], sigma[BINS]; /* at: values of |b|, ascending; sigma: σ at each of them */
+    /* at: values of |b|, ascending
+     * sigma: σ at each of these values */
+    double at[BINS], sigma[BINS];
 };
 
 static struct lit lit_new(int n) {
@@ -252,9 +255,10 @@ static void find_albedo(const struct lit *lit, const float *rgb, struct vec3 b, 
 }
 
 /* Decides whether b is a valid solution, and sets used and sigma_deg. Returns PHOTOMETRIC_FOUND, or
- * the cause for which there is no normal. A light whose value is only noise does not count: any two
- * lights have a solution whose surface a third light just grazes, and such a light would confirm
- * any solution. */
+ * the cause for which there is no normal.
+ *
+ * A light whose value is only noise does not count, because it would confirm wrong solutions: for
+ * any two lights there is a solution whose surface the third light just grazes. */
 static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double sigma,
                                     struct photometric_texel *ret) {
     int facing = 0;
@@ -356,9 +360,9 @@ static double quantile(double *values, int n) {
     return values[(int)(QUANTILE * (n - 1))];
 }
 
-/* Simulates texels with normals of many directions and normally distributed errors, under the
- * lights of one texel. Returns QUANTILE of the ratios of their scales (median_of() of the best
- * triple) to the true σ. */
+/* Simulates texels under the lights of one texel, with normals in many directions and normally
+ * distributed errors. The scale of a simulated texel is median_of() of the best triple. Returns the
+ * quantile QUANTILE of the ratios of scale to true σ. */
 static double rehearse(const struct lit *of, double *buffer) {
     struct lit lit = lit_new(of->n);
     g_autofree double *ratios = g_new(double, REHEARSALS);

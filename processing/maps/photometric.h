@@ -14,10 +14,10 @@
  * min((r_i / σ)², 9). This sum also counts unlit lights, for which r_i = I_i.
  *
  * σ is the noise as a function of |b|. This function is found from many texels, because few lights
- * do not determine the noise of one texel. σ is the lower quartile of the scales of the texels'
- * residuals, divided by the lower quartile for simulated texels of σ = 1; texels with highlights or
- * shadows have larger scales. If too few lights agree within σ, the surface is not quite matt, and
- * σ is doubled until enough lights agree.
+ * do not determine the noise of one texel. Each texel's residuals have a scale (a median). σ is the
+ * lower quartile of these scales, divided by the lower quartile for simulated texels of σ = 1. The
+ * lower quartile is used because texels with highlights or shadows have larger scales. If too few
+ * lights agree within σ, the surface is not quite matt, and σ is doubled until enough lights agree.
  *
  * The covariance of b is s² (Σ w_i l_i l_iᵀ)⁻¹, where s² combines σ² and the texel's own residuals.
  * The error of the normal is an RMS angle: √(trace of the covariance across n) / |b|. */
@@ -32,13 +32,14 @@
 enum photometric_cause {
     PHOTOMETRIC_FOUND,
     PHOTOMETRIC_DARK, /* no light shows the texel: no value is above the noise */
-    /* fewer than three lights have a known value, or the surface faces fewer than three lights
-       whose value is above the noise */
+    /* fewer than three lights have a known value, or fewer than three lights that the surface faces
+     * have a value above the noise */
     PHOTOMETRIC_FEW,
     /* too few of the lights that the surface faces agree with Lambert's law */
     PHOTOMETRIC_CONTRADICT,
-    PHOTOMETRIC_FLAT, /* the lights that agree lie nearly in a plane: they do not determine the
-                         normal, or its error is at least 20° */
+    /* the lights that agree lie nearly in a plane, so that they do not determine the normal, or
+     * only with an error of 20° or more */
+    PHOTOMETRIC_FLAT,
     PHOTOMETRIC_AWAY, /* the normal points away from the camera: n_z ≤ 0 */
     PHOTOMETRIC_CAUSES,
 };
