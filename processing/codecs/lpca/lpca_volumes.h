@@ -6,10 +6,11 @@
 
 #include "lpca.h"
 
-/* Returns the eigen-BRDFs of a local PCA, sampled on a grid of n_grid, without weights and as
- * LPCA_RGB. A local PCA that is already on a grid keeps its grid. The result has floats, even if
- * lpca has 8 bits. The error is DATA_ERROR_INVALID if n_grid is out of range, or if the result does
- * not fit into memory. Free the result with lpca_free(). */
+/* Returns the eigen-BRDFs of a local PCA, sampled on a grid of n_grid × n_grid directions. The
+ * result has no weights, and its colours are LPCA_RGB. A local PCA that is already on a grid keeps
+ * its grid. The result has floats, even if lpca has 8 bits. The error is DATA_ERROR_INVALID if
+ * n_grid is out of range, or if the result does not fit into memory. Free the result with
+ * lpca_free(). */
 struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **error);
 
 /* Computes one block. values is a table of a local PCA on a grid of n: n² views × n² lights × 3.

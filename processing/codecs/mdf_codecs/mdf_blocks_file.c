@@ -177,7 +177,8 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     return NULL;
 }
 
-/* Recognises the kind by mesorig.kind of the first part, which files of measured views lack. */
+/* Recognises the kind by the attribute mesorig.kind of the first part. Files of measured views do
+ * not have this attribute. */
 enum mdf_kind mdf_kind(const char *path) {
     struct exr_file *file = exr_read_headers(path, NULL);
     const struct exr_part *part = file && file->parts->len > 0 ? file->parts->pdata[0] : NULL;

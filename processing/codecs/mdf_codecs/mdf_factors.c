@@ -98,8 +98,9 @@ static void impute(struct factoring *f, int n) {
         }
 }
 
-/* Subtracts the mean of each row and finds the eigenvectors. If some texels are unseen, does this
- * ROUNDS times. Each round gives the unseen texels depths from the factors of the round before. */
+/* Subtracts the mean of each row and finds the eigenvectors. If some texels are unseen, repeats
+ * both steps, for ROUNDS rounds in all. Each round but the first gives the unseen texels depths
+ * from the factors of the round before. */
 static gboolean prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
                         GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;

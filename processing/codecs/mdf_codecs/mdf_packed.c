@@ -55,8 +55,8 @@ static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, 
     return part;
 }
 
-/* *ret_bytes counts two bytes for each texel in half floats, or one byte for each texel and four
- * for the scale of each view. */
+/* With MDF_PACKED_HALF, *ret_bytes counts two bytes for each texel. With MDF_PACKED_8BIT, it counts
+ * one byte for each texel, and four bytes for the scale of each view. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {
     struct exr_file *file = exr_read(from, error), *packed = exr_file_new();

@@ -1,8 +1,9 @@
 /* The views of an MDF with fewer bits per texel, each view packed separately as in Wang et al.
  * 2005. The file is like products/mdf.exr (pipeline.h) but has only the channel D, in half floats.
- * Its values are either the distances, or whole numbers 0 … 255 that are multiplied by the view's
- * attribute mesorig.scale_mm (double) to give millimetres. A value of −1 means that no laser saw
- * the texel. mdf_table_read() reads both kinds of values. */
+ * There are two kinds of values. With MDF_PACKED_HALF, a value is a distance in mm. With
+ * MDF_PACKED_8BIT, a value is a whole number 0 … 255. The distance in mm is then this number times
+ * the view's attribute mesorig.scale_mm (double). A value of −1 means that no laser saw the texel.
+ * mdf_table_read() reads both kinds. */
 #pragma once
 
 #include <glib.h>

@@ -6,8 +6,8 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-/* If factors is set, the MDF has the form of factors. Otherwise, if blocks is set, it has the form
- * of blocks, else that of a table of views. */
+/* The form of the MDF is factors if `factors` is set, blocks if only `blocks` and `table` are set,
+ * and a table of views if only `table` is set. */
 struct mdf_source {
     const struct mdf_table *table;     /* views; with blocks: the views decoded from them */
     const struct mdf_blocks *blocks;   /* the views of table as blocks; table is then also set */
@@ -17,11 +17,12 @@ struct mdf_source {
 /* Reads a file of any form. Returns NULL with an error if the file is missing or damaged. Grazing
  * views are added to tables (mdf_table_add_grazing()). Any thread. */
 struct mdf_source *mdf_source_read(const char *path, GError **error);
-/* Returns whether the tiles of an MDF and of a material, which are to be drawn together, have the
- * same size in mm, within 1 %. `mdf` is a file of any form. `material` is a session, its
- * products/btf or a compressed file. Only headers are read. Returns FALSE with
- * MDF_TABLE_ERROR_FORMAT if the sizes differ; the message names both sizes. Returns TRUE if a file
- * cannot be read or has no size, because the function that reads the file gives that error. Any
- * thread. */
+/* An MDF and a material can be drawn together only if their tiles have the same size. Returns TRUE
+ * if the sizes in mm are equal within 1 %. Returns FALSE with MDF_TABLE_ERROR_FORMAT if they
+ * differ; the message names both sizes. Returns TRUE if a file cannot be read or has no size,
+ * because the function that reads the file then gives the error.
+ *
+ * `mdf` is a file of any form. `material` is a session, its products/btf or a compressed file. Only
+ * headers are read. Any thread. */
 gboolean mdf_source_fits(const char *mdf, const char *material, GError **error);
 void mdf_source_free(struct mdf_source *source); /* also frees the members; NULL is ignored */

@@ -36,8 +36,10 @@
  *      slope x  s = (H++ + H+− − H−+ − H−−) / (4 e)   (first sign: x; second sign: y)
  *      slope y  t = (H++ + H−+ − H+− − H−−) / (4 e)
  *      normal   N = (−s, t, 1) / |(−s, t, 1)|         (in the sample frame, y upwards)
- *    The horizon is scanned towards the light: d = (l.x, −l.y) / c, c = max(|(l.x, l.y)|, 10⁻⁴),
- *    r = l.z / c, z = H(p), reach = (top − bottom) / max(r, 0.05) + ½.
+ *    The horizon is scanned from p towards the light. d is the direction of the light in the plane
+ *    and r is its slope: d = (l.x, −l.y) / c, r = l.z / c, c = max(|(l.x, l.y)|, 10⁻⁴). z = H(p) is
+ *    the height at p, t is the distance, and h becomes the slope of the horizon. The scan ends at
+ *    reach = (top − bottom) / max(r, 0.05) + ½.
  *      h = r − 1;  t = ⅜
  *      at most NEURAL_MAX_STEPS times, while t ≤ reach and top − z > h t:
  *        h = max(h, (H(p + d t) − z) / t);  t = t + max(¼, t / 16)
@@ -203,9 +205,9 @@ struct neural_options {
     const struct codec_geometry *geometry;
 };
 
-/* Fits the model to a BTF whose values are in memory. Values that are NaN are left out. The height
- * map is the median of the points in each of its cells; cells without a point continue their
- * neighbours.
+/* Fits the model to a BTF whose values are in memory. Values that are NaN are left out. A cell of
+ * the height map is the median of the points in the cell. A cell without points is filled from the
+ * cells around it.
  *
  * The training minimises the squared difference of colours after the curve log(1 + 60 x) / log 61.
  * The method is Adam (Kingma & Ba 2015; β 0.9 and 0.99). Each step has NEURAL_STEP samples, which

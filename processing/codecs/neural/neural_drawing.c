@@ -5,10 +5,11 @@
 
 #include <math.h>
 
-#define GROUP      4 /* number of channels of a texture, and of rows and columns of a matrix */
-#define COLOURS    3 /* number of rows of a group of the third layer */
-#define SKY_LIGHTS 4 /* number of lights that stand for the even sky, in each of two dimensions */
-#define SKY_TEXELS 40000 /* maximum number of texels for which the even sky is computed */
+#define GROUP   4 /* number of channels of a texture, and of rows and columns of a matrix */
+#define COLOURS 3 /* number of rows of a group of the third layer */
+/* number of lights that stand for the uniform sky, in each of two dimensions */
+#define SKY_LIGHTS 4
+#define SKY_TEXELS 40000 /* maximum number of texels for which the uniform sky is computed */
 
 static const char *const ordinals[NEURAL_LAYERS] = {"FIRST", "SECOND", "THIRD"};
 
@@ -107,7 +108,7 @@ void neural_shader_planes(const struct neural *neural, float *ret) {
     }
 }
 
-/* The even sky of a row of texels, seen in one of the views. */
+/* The reflectance of a row of texels under the uniform sky, in one of the views. */
 struct sky {
     const struct neural *neural;
     float *values;

@@ -21,7 +21,7 @@ char *neural_shader_network(const struct neural *neural);
 #define NEURAL_PLANE_LAYERS (2 * NEURAL_PLANE_CHANNELS / 4)
 void neural_shader_planes(const struct neural *neural, float *ret);
 
-/* Computes the reflectance under an even sky, (1/π) ∫ B dω, as the sum over 16 lights: views ×
+/* Computes the reflectance under a uniform sky, (1/π) ∫ B dω, as the sum over 16 lights: views ×
  * height × width × R, G, B. Each value is for one point, the end of a ray through the centre of a
  * texel. The views are the middles of NEURAL_SKY × NEURAL_SKY cells of the square of
  * directions.glsl, row by row.

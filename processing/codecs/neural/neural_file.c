@@ -12,7 +12,7 @@ static const char *const rgba[] = {"R", "G", "B", "A"};
 static const char *const abgr[] = {"A", "B", "G", "R", NULL};
 static const char *const xyz[] = {"X", "Y", "Z", NULL};
 
-/* Parts of bytes. A picture of n channels has n / 4 parts of four. */
+/* Adds the parts of an array of bytes. An array of n channels has n / 4 parts of four channels. */
 
 static void add_pictures(struct exr_file *file, const char *name, const guint8 *bytes, gsize width,
                          gsize height, gsize n_channels) {

@@ -1,4 +1,4 @@
-/* The height map from the points that the lasers measured. */
+/* Makes the height map from the points that the lasers measured. */
 #include "neural_private.h"
 
 #include "codecs/codec/codec_geometry.h"
@@ -24,7 +24,7 @@ static int find_cell(const struct btf_layout *layout, const struct codec_surface
 /* Gives the median of the points in each cell, NaN in cells without points. */
 static void find_medians(const struct btf_layout *layout, const struct codec_geometry *geometry,
                          float *ret, gsize n_cells) {
-    /* positions in sorted at which the points of each cell end */
+    /* positions in `sorted` at which the points of each cell end */
     g_autofree gsize *ends = g_new0(gsize, n_cells + 1);
     g_autofree float *sorted = g_new(float, geometry->n_points + 1);
     for (gsize i = 0; i < geometry->n_points; i++) {

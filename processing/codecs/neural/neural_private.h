@@ -61,7 +61,8 @@ struct neural_query {
 void neural_make_queries(const struct neural_numbers *numbers, gboolean points,
                          const struct neural_sample *samples, int n, struct neural_query *ret);
 
-/* All values of a batch on their way through the network: rows of NEURAL_BATCH samples. */
+/* The values of a batch in each layer of the network. A row has one value for each of NEURAL_BATCH
+ * samples. */
 struct neural_batch {
     float inputs[NEURAL_MAX_INPUTS][NEURAL_BATCH];
     float hidden[2][NEURAL_HIDDEN][NEURAL_BATCH]; /* after max(y, 0.01 y) */

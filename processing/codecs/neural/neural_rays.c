@@ -16,7 +16,7 @@
 #define STEP           0.25F  /* minimum step of the scan, in texels: half a cell */
 #define SIDE_BY_SIDE   4      /* number of vectors of rays whose intervals are halved together */
 #define KEYS           64     /* number of keys by which samples are sorted (make_queries()) */
-#define KEYS_PER_TEXEL 2      /* number of keys for each texel of horizontal length */
+#define KEYS_PER_TEXEL 2      /* number of keys for each texel of a path's length in the plane */
 
 G_STATIC_ASSERT(LANES % NEURAL_RAYS == 0);
 
@@ -296,14 +296,15 @@ LANES_INLINE void sort(const guint8 *keys, const int *which, int n, int *ret) {
         ret[n + i] = ret[n - 1];
 }
 
-/* points is a compile-time constant. Samples are sorted so that the samples in a vector have loops
- * of about the same length. */
+/* Does the work of neural_make_queries(). points is a compile-time constant. Samples are sorted so
+ * that the loops of all samples in a vector have about the same length. */
 LANES_INLINE void make_queries(const struct neural_numbers *numbers, gboolean points,
                                const struct neural_sample *samples, int n,
                                struct neural_query *ret) {
     const int per = LANES / (points ? 1 : NEURAL_RAYS);
     const float deep = (numbers->top - numbers->bottom) * KEYS_PER_TEXEL;
-    /* own: samples whose rays are not shared */
+    /* own: the samples that do not share the rays of the sample before
+     * all: all samples */
     int own[NEURAL_BATCH], all[NEURAL_BATCH], n_own = 0;
     int sorted[NEURAL_BATCH + LANES];
     guint8 slants[NEURAL_BATCH], reaches[NEURAL_BATCH];
