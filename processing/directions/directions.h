@@ -26,7 +26,7 @@ enum directions_error {
 #define DIRECTIONS_MAX 65000
 
 struct direction_weights {
-    /* indices of measured directions; the index n, their number, stands for the pole
+    /* indices of measured directions, 0 … n − 1; the index n stands for the pole
      * (directions_pole()) */
     int index[4];
     float weight[4];
@@ -35,8 +35,8 @@ struct direction_weights {
 /* Any number of threads may call the functions on the same object at the same time. */
 typedef struct Directions Directions;
 
-/* Makes an object for n directions. Returns NULL with DIRECTIONS_ERROR_RANGE if n is not 1 …
- * DIRECTIONS_MAX, or if θ is not 0 … 90° or φ not finite. */
+/* Makes an object for n directions, 1 … DIRECTIONS_MAX. Each θ must be 0 … 90°, and each φ must be
+ * finite. If not, returns NULL with DIRECTIONS_ERROR_RANGE. */
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
 /* Makes an object whose directions are triangulated even if they form rings, so that at most three
  * of them have a weight for any direction. */

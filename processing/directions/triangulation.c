@@ -1,12 +1,13 @@
 /* Adds points in order of x, then flips edges until the triangulation is Delaunay. The points are
- * measured directions (some hundred), so that linear searches are fast enough to build it. Queries
- * use a grid of cells. Each cell has the triangles that may cover a part of it. */
+ * some hundred measured directions, so that linear searches are fast enough for this. Queries use a
+ * grid of cells. Each cell lists the triangles that may cover a part of the cell. */
 #include "triangulation.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Maximum random displacement of a point. Displaced points have no four on one circle. */
+/* Maximum random displacement of a point. After the displacement, no four points lie on one
+ * circle. */
 #define JITTER 1e-7
 /* If no point is farther than this from a line, the points count as collinear. Triangles of such
  * points would be so thin that their shape depended on the random displacements. */
@@ -270,7 +271,8 @@ void triangulation_free(Triangulation *t) {
 }
 
 /* Returns whether triangle k contains a point: all barycentric weights b_k = area(opposite edge,
- * point) / area(triangle) are ≥ 0. Gives the weights unless the triangle is degenerate. */
+ * point) / area(triangle) are ≥ 0. Gives the weights in ret. A degenerate triangle contains no
+ * point, and ret is then unchanged. */
 static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
     const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);
