@@ -4,8 +4,9 @@
  * The file is one EXR. The part "checkpoint" is 1 × 1 with the channel "BITS". Its attributes are
  * mesorig.kind = "checkpoint" and mesorig.inputs, a hash of everything that the result depends on.
  * Each array is one more part with the channel "BITS", float. A pixel holds four bytes of the
- * array, whose value as a float has no meaning. mesorig.bytes (string) is the number of bytes,
- * mesorig.hash their XXH3 (64 bits, hexadecimal).
+ * array, whose value as a float has no meaning. The part of an array has two attributes:
+ * mesorig.bytes (string), the number of bytes, and mesorig.hash, the XXH3 of the bytes (64 bits,
+ * hexadecimal).
  *
  * A checkpoint belongs to the thread that computes. checkpoint_keep() says what other threads may
  * do at the same time. */
@@ -24,11 +25,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
  * due. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
-/* Reads the arrays of the file, if it exists, is not damaged and was written with the same inputs.
- * Otherwise the computation starts from the beginning, and checkpoint_note() says why. inputs is a
- * text, such as a hash, that covers everything the result depends on. Only the first call has an
- * effect. The inputs of an outer function therefore replace the inputs of the functions that it
- * calls. */
+/* Reads the arrays of the file. If the file does not exist, is damaged or was written with other
+ * inputs, the computation starts from the beginning. checkpoint_note() gives a message about a file
+ * that exists. inputs is a text, such as a hash, that covers everything the result depends on. Only
+ * the first call has an effect. The inputs of an outer function therefore replace the inputs of the
+ * functions that it calls. */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);
 

@@ -95,7 +95,8 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
                 "not a valid EXR file: %s; copy the file again or make it again", what);
 }
 
-/* Reads the window at an offset. Returns FALSE at the end of the file and on errors. */
+/* Fills the window with bytes of the file, from an offset on. Returns FALSE at the end of the file
+ * and on errors. */
 static gboolean fill_window(struct source *source, struct window *window, guint64 offset) {
     gssize n;
 
@@ -384,7 +385,7 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
 }
 
 /* Pads every buffer of the decoder with zeros, because OpenEXR before 3.1.6 reads beyond the end of
- * a damaged PIZ block. It reads at most as many bytes too many as the block has. */
+ * a damaged PIZ block, by at most the length of the block. */
 static void *allocate_padded(exr_transcoding_pipeline_buffer_id_t id, size_t size) {
     return size < G_MAXSIZE / 4 ? calloc(1, 2 * size + 4096) : NULL;
 }

@@ -275,7 +275,8 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
             exr_scratch_swap(&content->scratch, &encode.scratch_buffer_1,
                              &encode.scratch_alloc_size_1, &encode.scratch_buffer_2,
                              &encode.scratch_alloc_size_2);
-        /* pack() ignores the layout of the channels, but the library requires it. */
+        /* The library requires a layout of the channels in memory, although pack() does not use
+         * it. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *channel = &encode.channels[c];
 
@@ -380,9 +381,9 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
 
 #define MAX_LINES 32 /* maximum number of lines in a chunk */
 
-/* Returns whether exr_read() will accept the file; TRUE if the size of the file cannot be found.
- * exr_read() limits the memory according to the size of the file, and uniform pixels may compress
- * so well that the pixels exceed this limit. */
+/* Returns whether exr_read() will accept the file. Returns TRUE too if the size of the file cannot
+ * be found. exr_read() limits the memory according to the size of the file. Uniform pixels may
+ * compress so well that their memory exceeds this limit. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;
