@@ -136,7 +136,7 @@ static gboolean take_pictures(const struct source *source, const struct exr_file
     return TRUE;
 }
 
-/* Reads a view to view i of the views. */
+/* Reads the file of a view into view i of `to`. */
 static gboolean read_view(const struct source *source, const char *path, const struct views *to,
                           int i, int n_threads, GError **error) {
     const struct bonn_header *header = &source->header;

@@ -124,9 +124,10 @@ static int by_height(gconstpointer a, gconstpointer b, gpointer data) {
     return (x < y) - (x > y);
 }
 
-/* Sorts all points by texel. *ret_order receives the indices of the points. Returns, for each
- * texel, the position in *ret_order at which its points begin, and then the end of the last texel's
- * points. g_free() both */
+/* Sorts all points by texel. *ret_order receives the indices of the points. Returns an array of
+ * positions in *ret_order: for each texel the position at which its points begin, and as last
+ * element the position at which the points of the last texel end. Free both arrays with
+ * g_free(). */
 static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     const struct session_grid *grid = &surface->grid;
     const int n = grid->width * grid->height;

@@ -45,10 +45,10 @@ struct export_surface_result {
  * EXPORT_NORMALS writes an EXR with a part "normals" and the channels "X", "Y", "Z", which are all
  * 0 in a hole.
  *
- * Both maps have the attributes mesorig.kind, texel_mm, reference_mm, holes and stacked. A map is
- * an error if no texel has a value. If more than a twentieth of the texels with a value have
- * several layers, the structure is not a height field. A map is then an error too, unless
- * options->layered is TRUE. */
+ * Both maps have the attributes mesorig.kind, texel_mm, reference_mm, holes and stacked. The export
+ * of a map fails if no texel has a value. If more than a twentieth of the texels with a value have
+ * several layers, the structure is not a height field. The export of a map then fails too.
+ * options->layered = TRUE allows such a map. */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,
                         struct export_surface_result *ret, GError **error);

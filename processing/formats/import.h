@@ -64,9 +64,9 @@ struct import_material {
     /* NULL, or a file that is copied to products/mdf.exr. The file must have the texels of this
      * material. */
     const char *mdf;
-    /* 0, or the number of views that are written together. `load` is then called once for the views
-     * first … first + n − 1. After that `picture` is called for these views from several threads.
-     * Progress is reported after all of them. */
+    /* Number of views that are written together, or 0. If it is above 0, `load` is called once for
+     * the views first … first + n − 1. Then `picture` is called for these views from several
+     * threads. Progress is reported when all these views are written. */
     int n_together;
     gboolean (*load)(int first, int n, gpointer data, GError **error);
     gboolean black_holes; /* with `picture`: texels without values are black and have no flags */
@@ -133,13 +133,16 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * of the lamps (pipeline.h). The same is done for a list of directions if wish->lamp_mm is set.
  *
  * A name may be a path below the list's folder. Of other paths only the part after the last slash
- * counts, and the picture lies next to the list. If the list has no names, the lines of the file
- * "filenames.txt" next to the list are the names. If that file does not exist, all pictures next to
- * the list are taken in the order of the times in their EXIF data. If a picture has no such time,
- * all pictures are taken in the order of their names, with numbers compared by value. In this case
- * it is an error if the counter of a camera has begun again within the names. A picture whose light
- * is on the horizon is left out. Numbers may have decimal commas if blanks, tabs or semicolons
- * separate the numbers. Blank lines and lines that begin with # are ignored. */
+ * counts, and the picture lies next to the list.
+ *
+ * If the list has no names, the lines of the file "filenames.txt" next to the list are the names.
+ * If that file does not exist, all pictures next to the list are taken in the order of the times in
+ * their EXIF data. If a picture has no such time, they are taken in the order of their names, with
+ * numbers compared by value. With the order of names, it is an error if the counter of a camera has
+ * begun again within the names.
+ *
+ * A picture whose light is on the horizon is left out. Numbers may have decimal commas if blanks,
+ * tabs or semicolons separate the numbers. Blank lines and lines that begin with # are ignored. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
 

@@ -114,7 +114,7 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
 }
 
 /* Gives a lamp picture to the checks of import_look.c. Must be called before the flat field is
- * applied, because only values before that show which pixels are saturated. */
+ * applied, because later values do not show which pixels are saturated. */
 static void look_at_lamp(const struct import_set *set, const struct import_row *row,
                          const struct import_picture *picture) {
     const struct rig *rig = &set->known->rig;

@@ -29,7 +29,7 @@ struct columns {
     char separator[2];
     int name, x, y, z, theta, phi, exponent, most;
     gboolean radians;
-    gboolean mm; /* x, y and z are a position in mm */
+    gboolean mm; /* whether x, y and z are a position in mm */
 };
 
 struct list {

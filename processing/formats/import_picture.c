@@ -77,9 +77,9 @@ static struct import_picture *read_raw(const char *path, gboolean mosaic, GError
     return picture;
 }
 
-/* Finds the layer whose channels R, G and B are to be read. Returns the prefix of their names,
- * which ends with a dot, or "" if the channels have no prefix. Returns NULL if there are several
- * such layers, whose names ret_layers then lists, or none. */
+/* Finds the layer whose channels R, G and B are to be read. Returns the prefix of the channels'
+ * names, which ends with a dot, or "" if they have no prefix. Returns NULL if no layer or several
+ * layers have such channels. If several have, ret_layers lists their names. */
 static char *find_layer(const struct exr_part *part, GString *ret_layers) {
     g_autofree char *found = NULL;
     int n = 0;

@@ -24,8 +24,8 @@
  * White (1) of a picture becomes 4095 DN, the scale of the calibration's responses. Grey pictures
  * are from a grey camera, or are mosaics if a colour filter is named. Colour pictures keep all
  * three channels (colour filter "rgb" of rectify.h). The pictures of one view for the BTF must all
- * be grey or all be in colour. The pictures of a sweep may be either. Saturated pixels become lower
- * bounds.
+ * be grey or all be in colour. The pictures of a sweep may be grey or in colour. Saturated pixels
+ * become lower bounds.
  *
  * Every view of the BTF needs pictures under at least nine lights in ten; “mesorig process”
  * predicts the pictures under the others. Pictures of a calibration target may lack any light. A

@@ -360,7 +360,7 @@ char *nominal_template(const char *path, GError **error) {
                     text_table_text(table, i, text_table_column(table, "file")), folder);
                 picture = import_picture_read_codes(file, &found);
                 picture_says_read_file(file, &says);
-                picture_says_clear(&says); /* the numbers stay */
+                picture_says_clear(&says); /* frees the tone curve; the numbers remain */
             }
             if (found) {
                 data_error_set(path, text_table_line(table, i), error, "%s", found->message);

@@ -1,5 +1,5 @@
-/* Reads the points that the views of an MDF measured, with normals. They are the input of
- * export_surface.h. */
+/* Reads the points that the views of an MDF measured, with normals. export_surface.h exports these
+ * points. */
 #pragma once
 
 #include "base/vec.h"

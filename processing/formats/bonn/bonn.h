@@ -92,8 +92,8 @@ typedef struct BonnViews BonnViews;
 BonnViews *bonn_views_read(const BonnFile *file, int first, int n, int n_threads, GError **error);
 void bonn_views_free(BonnViews *views); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnViews, bonn_views_free)
-/* Gives one picture of bonn_read_view() in ret_rgb (height × width × 3). Returns the number of
- * texels without values. Any thread. */
+/* Copies the picture of one view and light to ret_rgb (height × width × 3), with the values that
+ * bonn_read_view() gives. Returns the number of texels without values. Any thread. */
 int bonn_views_picture(const BonnViews *views, int view, int light, float *ret_rgb);
 
 /* Writes a BDI view by view, in any order. bonn_writer_finish() syncs the file and gives it its

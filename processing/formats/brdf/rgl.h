@@ -53,17 +53,20 @@ struct rgl_result {
     int n_phi, n_theta, resolution;
 };
 
-/* Writes f_r as a .bsdf file, with rgb and, unless rgb_only is TRUE, with spectra at six
- * wavelengths that have the same colours. D is found from the retro-reflection by power iteration
- * (Dupuy et al. 2015; Dupuy & Jakob 2018). With the luminance f of f_r,
+/* Writes f_r as a .bsdf file with rgb. If rgb_only is FALSE, the file also has spectra at six
+ * wavelengths that have the same colours. A node of rgb is 0 if its ω_o is below the surface. The
+ * table luminance is meant for importance sampling. The progress stage is "export".
+ *
+ * D is found from the retro-reflection by power iteration (Dupuy et al. 2015; Dupuy & Jakob 2018).
+ * With the luminance f of f_r,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1.
  * D is kept above 0.3/π. (For comparison, a uniform hemisphere has D = 1/π.) σ(ω) = ∫ ⟨ω, m⟩ D(m)
- * dm. vndf is the mean of a constant and of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du. Neither the minimum of
- * D nor the constant changes f_r at the nodes of the file. Between the nodes, the product of D and
- * of rgb, which contains 1/D, is wrong where D changes much within a cell. The minimum and the
- * constant reduce this error. The remaining error is 0.4 % (isotropic) and 0.8 % (anisotropic) of
- * f_r cos θ_o (RMS) for rough metals on a diffuse base. The table luminance is meant for importance
- * sampling. A node of rgb is 0 if its ω_o is below the surface. The progress stage is "export". */
+ * dm. vndf is the mean of a constant and of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du.
+ *
+ * Neither the minimum of D nor the constant changes f_r at the nodes of the file. Between the
+ * nodes, the product of D and rgb is wrong where D changes much within a cell, because rgb contains
+ * 1/D. The minimum and the constant reduce this error. For rough metals on a diffuse base, the
+ * remaining RMS error is 0.4 % (isotropic) and 0.8 % (anisotropic) of f_r cos θ_o. */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,
                    struct rgl_result *ret, GError **error);

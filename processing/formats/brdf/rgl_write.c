@@ -155,8 +155,9 @@ static void fill_vndf(const struct rgl_writing *writing, const double in[3], dou
         }
 }
 
-/* Gives the direction from which the microfacet m reflects light into `in`, and returns its cosine.
- * For a direction below the surface, returns 0 and gives a direction just above the horizon. */
+/* Gives the direction from which the microfacet m reflects light into `in`, and returns cos θ of
+ * this direction. If the direction is below the surface, returns 0 and gives a direction just above
+ * the horizon. */
 static double reflect(const double in[3], const double m[3], double ret[3]) {
     const double twice = 2 * dot(in, m);
     for (int k = 0; k < 3; k++)

@@ -111,8 +111,8 @@ static float decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Replaces the values of the 48 directions of θ = 0 by their mean. Does this for lights (rows) if
- * step is UTIA_SIDE and other is 1, and for views (columns) if step is 1 and other is UTIA_SIDE. */
+/* Replaces the values of the 48 directions of θ = 0 by their mean. For lights (rows), step is
+ * UTIA_SIDE and other is 1. For views (columns), step is 1 and other is UTIA_SIDE. */
 static void join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
         double sum = 0;

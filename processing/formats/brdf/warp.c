@@ -5,7 +5,7 @@
 
 struct warp {
     int width, height, n_slices;
-    /* n_slices × height × width, densities per cell, whose integral over a slice is 1 */
+    /* n_slices × height × width, densities per cell; the integral over each slice is 1 */
     float *values;
     float *conditional; /* same shape as values: sums from the left within each row */
     float *marginal;    /* n_slices × height: sums of rows from the first on */
