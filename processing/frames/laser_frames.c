@@ -5,8 +5,8 @@
 
 #include "base/robust.h"
 
-/* number of frames of the running median, which follows a slip that lasts more than half as many
- * frames */
+/* Number of frames of the running median. If the sheet slips for more than half this number of
+ * frames, the median follows. */
 #define AROUND 21
 /* a difference is significant if it is larger than this number of standard errors */
 #define MANY   4.0

@@ -20,7 +20,8 @@ struct LaserPictures {
     const struct laser_sweep *sweep;
     int width, height, n_frames, frame;
     double threshold_dn;
-    gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
+    /* whether the line crosses the rows, so that there is one candidate per row */
+    gboolean along_rows;
     /* For each pixel, with the point x of the plane that the pixel sees:
      * angle: sweep angle at which the calibrated sheet passes x, in rad; NAN outside of the
      * region

@@ -251,8 +251,9 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
  *   max_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
  *   coherence_c = max_c / Σ_p u_p².
  * The unknown position of an edge within a pixel gives a variance of κ² max_c. The colours of the
- * pixels in a texel differ from the texel's colour. If the texel is CHROMA_PX pixels across, they
- * differ as much as the colours of adjacent texels do; in a smaller texel they differ more.
+ * pixels in a texel differ from the texel's colour. If a side of the texel is CHROMA_PX pixels,
+ * they differ as much as the colours of adjacent texels do. In a smaller texel they differ more.
+ * `pixels` is the shortest side of a texel in pixels.
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
  *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
  *   detail_c = max(0, κ² (gain_c² max_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),

@@ -31,7 +31,8 @@
 
 /* number of frames for which absorb_dark() updates the backgrounds together */
 #define TOGETHER 4
-#define AHEAD    2048 /* pixels of one page, at whose end hardware prefetching stops */
+/* pixels in a page of memory; hardware prefetching stops at the end of a page */
+#define AHEAD 2048
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));
 
