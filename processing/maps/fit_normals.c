@@ -23,14 +23,12 @@
 /* largest difference |f(l) − b·l| of a light that counts, relative to |b| */
 #define TOLERANCE 0.1
 #define ROUNDS    8
-#define SHADOWED                                                                                   \
-/* maximum share of the lights that a texel faces that may be left out; beyond it, the texel is    \
- * shadowed */
-0.25
+/* a texel is shadowed if more than this share of the lights that it faces is left out */
+#define SHADOWED    0.25
 #define PTM_TERMS   6
 #define PTM_COLOURS 3 /* number of values of a texel before C0 */
 
-    struct fit {
+struct fit {
     struct lobes *ptm;
     struct hsh *hsh;
     const struct btf_layout *layout;

@@ -25,8 +25,8 @@ static double radius_m(const struct maps *maps) {
     return TILES_U * maps->width * maps->texel_mm / 1000 / (2 * G_PI);
 }
 
-/* +x of the sample is +x of glTF, and +y of the sample is −z, so that its top row is
- * at the back. */
+/* +x of the sample is +x of glTF. +y of the sample is −z of glTF, so that the top row of the sample
+ * is at the back. */
 struct maps_mesh maps_shapes_plane(const struct maps *maps) {
     static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
     static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
@@ -42,7 +42,7 @@ struct maps_mesh maps_shapes_plane(const struct maps *maps) {
     return mesh;
 }
 
-/* At its equator the material has its true size. */
+/* At the equator of the sphere the material has its true size. */
 struct maps_mesh maps_shapes_sphere(const struct maps *maps) {
     const double radius = radius_m(maps);
     struct maps_mesh mesh = mesh_new();

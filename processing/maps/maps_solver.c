@@ -25,7 +25,7 @@
 /* number of standard deviations up to which a difference counts with its square; chosen with the
  * test material low_weave */
 #define COLOUR_HUBER 0.3
-#define SHRINK       0.1 /* weight by which the specular colour is drawn towards grey */
+#define SHRINK       0.1 /* weight of a prior by which the specular colour is grey */
 
 /* The standard deviations of a shape's values in their priors. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
