@@ -7,12 +7,12 @@
  * mesorig_material_close() must not run while another call uses the material.
  *
  * Frame of the sample: x to the right, y upwards, z out of the surface. Texture coordinates u, v
- * are in tiles, with u along x. v goes downwards along the rows of the texture, against y. Both
- * repeat. Directions point outwards from the surface; the functions normalise them. “view” points
- * to the eye, “light” to the lamp.
+ * are in tiles, with u along x. v goes downwards over the rows of the texture, against y. The
+ * material repeats in u and v. Directions point outwards from the surface; the functions normalise
+ * them. “view” points to the eye, “light” to the lamp.
  *
  * Values are reflected radiance, linear sRGB, relative to that of a white diffuser lit from its
- * normal by the same lamp. They contain n·l: f_r = value / (π cos θ_light). A renderer therefore
+ * normal by the same lamp. Values contain n·l: f_r = value / (π cos θ_light). A renderer therefore
  * multiplies the lamp's irradiance on a surface that faces the lamp by value / π.
  *
  * Functions that return an int return one of enum mesorig_status. They write their results only if
@@ -88,12 +88,14 @@ int mesorig_material_directions(const mesorig_material *material, float *ret_vie
  * negative.
  *
  * Between texels, values are interpolated bilinearly. Neural planes are evaluated at the point
- * itself, with one ray in their relief, and always have mip levels. If there is a footprint, values
- * are averaged over a square of its width. In a square wider than 16 texels, 16 × 16 texels count.
- * If the file has mip levels, the two nearest levels are mixed instead. Between measured
- * directions, values are interpolated (bilinear in θ and φ, or in a triangle). For lights below the
- * lowest measured one, values fall in proportion to cos θ. Models with a formula evaluate it. The
- * result is 0 if a view or light is on or below the horizon, or if an argument is not finite. */
+ * itself, with one ray in their relief, and always have mip levels. If the footprint is above 0,
+ * values are averaged over a square of its width. In a square wider than 16 texels, 16 × 16 texels
+ * count. If the file has mip levels, the two nearest levels are mixed instead of averaging.
+ *
+ * Between measured directions, values are interpolated (bilinearly in θ and φ, or in a triangle).
+ * For lights below the lowest measured one, values fall in proportion to cos θ. Models that are a
+ * formula of the directions are evaluated by this formula. The result is 0 if a view or light is on
+ * or below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
                               const float *view, const float *light, const float *footprint,
                               float *ret_rgb);
@@ -107,7 +109,7 @@ struct mesorig_hit {
     /* distance along the ray from the reference plane to the point; the reference plane is above
      * the whole surface */
     float distance_mm;
-    /* texture coordinates of the point of the reference plane vertically above the point; not
+    /* texture coordinates of the place on the reference plane vertically above the point; not
      * wrapped */
     float uv[2];
     float normal[3]; /* unit normal of the surface at the point, as seen in this view */
