@@ -25,7 +25,8 @@ static guint8 *view_of(const struct mdf_blocks *blocks, int view) {
     return blocks->blocks + (gsize)view * mdf_blocks_bytes(blocks->width, blocks->height);
 }
 
-/* Encodes all views of a table. Their depths have one range, min_mm … deepest_mm. */
+/* Encodes all views of a table. The depths of all views have the same range, min_mm …
+ * deepest_mm. */
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     const gsize n = (gsize)table->width * (gsize)table->height, views = (gsize)table->n_views;
     struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);

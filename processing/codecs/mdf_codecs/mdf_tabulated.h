@@ -9,11 +9,11 @@
 #define MDF_TABULATED_SIZE 256 /* number of samples in each dimension */
 #define MDF_TABULATED_PAGE ((gsize)MDF_TABULATED_MAPS * MDF_TABULATED_SIZE * MDF_TABULATED_SIZE)
 
-/* Returns the number of layers that hold this many maps. */
+/* Returns the number of layers that n_terms maps need. */
 int mdf_factors_layers(int n_terms);
 
-/* Returns (layers + 1) pages of size × size × 4. Each page but the last holds the weights W_i of
- * the maps of one layer, times 255 because shaders read 8-bit maps as 0 … 1. The last page holds
+/* Returns (layers + 1) pages of size × size × 4. Each page but the last contains the weights W_i of
+ * the maps of one layer, times 255 because shaders read 8-bit maps as 0 … 1. The last page contains
  * W_0. The outermost samples lie on the horizon, so that filtering never reads beyond the horizon.
  * views are the directions of the factors. g_free() */
 float *mdf_factors_tabulate(const struct mdf_factors *factors, const Directions *views);

@@ -13,7 +13,7 @@
  * Hence a vector (x, y, z) moves a place by (x, −y). Heights z are in texels as well: z = (mm above
  * the reference plane) / texel_mm. They are usually negative.
  *
- * Numbers. All arrays of bytes hold value = minimum + step · byte, where byte is 0 … 255.
+ * Numbers. All arrays are bytes 0 … 255, which stand for value = minimum + step · byte.
  *
  * Reads. Every read of `surface`, `heights`, `halves` and `differences` is bilinear between the
  * centres of the elements and clamped to the edge, as GL_LINEAR with GL_CLAMP_TO_EDGE:
@@ -132,8 +132,8 @@ struct neural {
     struct neural_scale half_scales[NEURAL_PLANE_CHANNELS];
     struct neural_scale difference_scales[NEURAL_PLANE_CHANNELS];
     /* Positions in the sample frame, n_views × 3 and n_lights × 3. The model was fitted to the
-     * directions from each texel to these positions. NULL if all texels have the directions of the
-     * layout. Both are NULL, or neither. */
+     * directions from each texel to these positions. Either both are set, or both are NULL. NULL
+     * means that all texels have the directions of the layout. */
     float *camera_mm, *lamp_mm;
     double error, luminance_error, exact_error; /* as in struct hsh (hsh/hsh.h) */
     struct neural_numbers *numbers;             /* made by neural_prepare() */

@@ -57,7 +57,8 @@ struct neural_query {
 };
 /* Makes the queries of n ≤ NEURAL_BATCH samples, n > 0. If points is TRUE, a colour has one ray,
  * and the material repeats. Otherwise, a colour has NEURAL_RAYS rays, and places are clamped to the
- * edge. If a sample has the place and the view of the sample before, both have the same ends. */
+ * edge. If a sample has the place and the view of the sample before, its ends are those of the
+ * sample before. */
 void neural_make_queries(const struct neural_numbers *numbers, gboolean points,
                          const struct neural_sample *samples, int n, struct neural_query *ret);
 

@@ -22,7 +22,7 @@ G_STATIC_ASSERT(LANES % NEURAL_RAYS == 0);
 
 /* Returns the first of the two cells around each coordinate. *ret_share is the share of the second
  * one. If `repeats` is TRUE, the cells repeat, and cell n is a copy of cell 0 (neural_private.h).
- * Otherwise they are clamped to the edge. */
+ * If `repeats` is FALSE, coordinates are clamped to the edge. */
 LANES_INLINE lane_bits find_cells(lanes at, int n, gboolean repeats, lanes *ret_share) {
     if (repeats) {
         const lanes tiles =
