@@ -244,8 +244,8 @@ static double ring_weights(const Directions *d, double theta, double phi,
 
 /* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. Returns the polar
  * angle, in degrees, down to which measured directions extend here. If the direction lies outside
- * of the range of the measured directions, this is the polar angle of the nearest point of the
- * range. Otherwise it is at least *ret_theta. */
+ * of the range of the measured directions, the result is the polar angle of the nearest point of
+ * the range. Within the range, the result is at least *ret_theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

@@ -45,8 +45,8 @@ static double turn(const Triangulation *t, int a, int b, int c) {
 }
 
 /* Returns whether the point d, whose index is `other`, is within the circumcircle of a
- * counter-clockwise triangle with the corners p_k. It is if the determinant of the three rows (p_k
- * − d, |p_k − d|²) is positive. */
+ * counter-clockwise triangle with the corners p_k. This is the case if the determinant of the three
+ * rows (p_k − d, |p_k − d|²) is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
     const double *d = point(t, other);
