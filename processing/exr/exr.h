@@ -46,8 +46,8 @@ typedef struct exr_part {
     int width, height;
     /* after exr_read_picture() the upper left corner of the display window, otherwise 0 */
     int left_px, top_px;
-    /* after exr_read_picture() the number of pixels that the file does not hold, which are NaN in
-     * all channels; otherwise 0 */
+    /* after exr_read_picture() the number of pixels that the file does not contain, which are NaN
+     * in all channels; otherwise 0 */
     gint64 outside;
     int n_channels;
     char **channels; /* names in alphabetical order, as EXR requires: "B","G","R" */

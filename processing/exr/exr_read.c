@@ -209,8 +209,8 @@ static gboolean source_open(struct source *source, const char *path, GError **er
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* The data window (pixels that the file holds) and the display window (pixels of the picture) of a
- * part. */
+/* The data window (pixels that the file contains) and the display window (pixels of the picture) of
+ * a part. */
 struct windows {
     exr_attr_box2i_t data, display;
 };
@@ -497,7 +497,8 @@ static exr_result_t read_chunk(struct source *source, struct exr_scratch *scratc
     return rc;
 }
 
-/* Allocates the planes. Pixels that the file does not hold are NaN. read_pixels() sets the others.
+/* Allocates the planes. Pixels that the file does not contain become NaN. read_pixels() sets all
+ * other pixels.
  */
 static gboolean new_planes(struct source *source, struct exr_part *part, GError **error) {
     const gsize n = (gsize)part->width * (gsize)part->height;
