@@ -17,7 +17,7 @@ struct export_bonn_result {
 
 /* Exports the BTF as a ".btf" of Bonn (bonn.h). FMF and DFMF have n_components components, at most
  * LPCA_MAX_COMPONENTS (lpca.h), in addition to the mean. BDI needs the memory of two views. FMF and
- * DFMF need the memory of the whole BTF. The progress stage of BDI is "export". Those of FMF and
- * DFMF are "read" and the stages of lpca.h. */
+ * DFMF need the memory of the whole BTF. The progress stage of BDI is "export". The progress stages
+ * of FMF and DFMF are "read" and the stages of lpca.h. */
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
                      const struct work *work, struct export_bonn_result *ret, GError **error);

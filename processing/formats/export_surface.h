@@ -1,8 +1,7 @@
 /*
  * Exports the surface that an MDF describes, for programs that use points and maps. The texels of
- * all views become points in the sample frame in mm, with z from the top of the turntable. Their
- * normals point towards the camera. Points of several views at the same place are fused. Any
- * thread.
+ * all views become points in the sample frame in mm, with z from the top of the turntable. Normals
+ * point towards the camera. Points of several views at the same place are fused. Any thread.
  */
 #pragma once
 

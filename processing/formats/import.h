@@ -127,10 +127,11 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  *
  * x_mm, y_mm and z_mm are the position of a lamp near the sample, from the middle of the imported
  * texels. Each lamp aims at this middle. A column exponent is the n of cos^n, by which the lamp's
- * light falls with the angle from its aim; the default is 0. The pictures are divided by the lamps'
- * irradiance of each texel on a plane that faces the lamp, relative to the mean of the lamps'
- * irradiances in the middle. Lamps are taken as equally bright. The session then has the positions
- * of the lamps (pipeline.h). The same is done for a list of directions if wish->lamp_mm is set.
+ * light falls with the angle from its aim; the default is 0. The value of a texel is divided by the
+ * irradiance of the lamp at the texel, on a plane that faces the lamp. This irradiance is relative
+ * to the mean over all lamps of the irradiance in the middle. Lamps are taken as equally bright.
+ * The session then has the positions of the lamps (pipeline.h). The same is done for a list of
+ * directions if wish->lamp_mm is set.
  *
  * A name may be a path below the list's folder. Of other paths only the part after the last slash
  * counts, and the picture lies next to the list.

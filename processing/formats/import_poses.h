@@ -28,13 +28,14 @@
  * become lower bounds.
  *
  * Every view of the BTF needs pictures under at least nine lights in ten; “mesorig process”
- * predicts the pictures under the others. Pictures of a calibration target may lack any light. A
- * light is a lamp at an angle of the arc relative to the sample. If lamps stand still and the
- * sample turns, same_light_deg joins lamps that have the same direction from the sample. The joined
- * lamps are one light, with the direction of the lamp that comes first in the plan. The files of
- * the BTF contain, for each picture, the direction of its own lamp. In a sweep one picture in ten
- * may be missing, but never two in a row. Pixels whose peak would be next to a missing picture
- * count as not seen. Pixels that are not numbers or are masked (transparent) are holes. Any thread.
+ * predicts the pictures under the other lights. Pictures of a calibration target may lack any
+ * light. A light is a lamp at an angle of the arc relative to the sample. If lamps stand still and
+ * the sample turns, same_light_deg joins lamps that have the same direction from the sample. The
+ * joined lamps are one light, with the direction of the lamp that comes first in the plan. The
+ * files of the BTF contain, for each picture, the direction of its own lamp. In a sweep one picture
+ * in ten may be missing, but never two in a row. Pixels whose peak would be next to a missing
+ * picture count as not seen. Pixels that are not numbers or are masked (transparent) are holes. Any
+ * thread.
  */
 #pragma once
 

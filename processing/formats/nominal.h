@@ -15,8 +15,9 @@
 struct calibration *nominal_read(const char *path, GError **error);
 
 /* Returns whether a camera looks straight down, within a degree. The pictures of such a camera show
- * no horizon. Its key turn_deg is therefore 0 if x points to the right in the pictures, and y to
- * the top. For other cameras, turn_deg is 0 if the horizon in the pictures is level. */
+ * no horizon. The key turn_deg of such a camera is therefore 0 if x points to the right in the
+ * pictures, and y to the top. For other cameras, turn_deg is 0 if the horizon in the pictures is
+ * level. */
 gboolean nominal_looks_down(const struct rig_camera *camera);
 
 /* Returns the text of a file of nominal values to fill in, for the cameras, lamps and lasers in a

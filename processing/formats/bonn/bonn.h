@@ -69,7 +69,7 @@ gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
 typedef struct BonnFile BonnFile;
 
 /* Opens a file. The values of a BDI are read from the file when a view is read, so that a BDI of
- * many gigabytes takes no memory. The matrices of FMF and DFMF are held in memory as floats. */
+ * many gigabytes takes no memory. The matrices of FMF and DFMF are kept in memory as floats. */
 BonnFile *bonn_open(const char *path, GError **error);
 void bonn_close(BonnFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)

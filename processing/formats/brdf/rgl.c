@@ -30,8 +30,9 @@ void rgl_free(struct rgl *rgl) {
     g_free(rgl);
 }
 
-/* Returns a field of finite float32 ("jacobian" is of bytes) with the given number of dimensions,
- * none of them 0 or above MAX_NODES. Returns NULL with an error if there is no such field. */
+/* Returns a field of finite float32 ("jacobian" is of bytes) with the given number of dimensions.
+ * The size of each dimension is 1 … MAX_NODES. Returns NULL with an error if there is no such
+ * field. */
 static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *path,
                                             const char *name, int n_dimensions, GError **error) {
     const struct tensor_field *field = tensor_file_field(rgl->file, name);

@@ -14,8 +14,8 @@
  *   description (u8)         a text
  * Directions are mapped to the unit square by u = √(2θ/π) (a, the columns) and u_φ = (φ + π)/2π (b,
  * the rows), so that θ = π u²/2. The half vector m = (ω_i + ω_o) / |ω_i + ω_o| has the coordinates
- * u_m. If the BRDF is isotropic, φ_i is subtracted from its φ. s is the inverse warp of vndf at ω_i
- * (warp.h), applied to u_m. Then
+ * u_m. If the BRDF is isotropic, φ_i is subtracted from the φ of m. s is the inverse warp of vndf
+ * at ω_i (warp.h), applied to u_m. Then
  *   f_r(ω_i, ω_o) cos θ_o = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))              (Dupuy & Jakob 2018).
  * All tables are linear between their nodes.
  *

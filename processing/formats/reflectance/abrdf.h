@@ -26,8 +26,7 @@ struct abrdf_info {
     /* RMS error of the interpolated B at the measured pairs of directions, relative to the RMS of
      * B */
     double error;
-    /* The lowest view and the lowest light each have an angle from the normal. This is the smaller
-     * angle. */
+    /* angle of the lowest view from the normal, or of the lowest light if that is smaller */
     double lowest_deg;
 };
 
