@@ -195,9 +195,9 @@ static void sort_candidates(struct search *search, const struct candidate *candi
     }
 }
 
-/* Collects the candidates: pixels with a peak whose light was not blocked by the sample. off =
- * α(x) − (from + peak·step), where α(x) is the sweep angle of the calibrated sheet through the
- * pixel's point x. */
+/* Collects the candidates: pixels with a peak, for which the sample did not block the light between
+ * laser and face. off = α(x) − (from + peak·step), where α(x) is the sweep angle of the calibrated
+ * sheet through the pixel's point x. */
 static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
                     struct search *search) {
     const struct rig_laser_pose pose = rig_laser_pose(sweep->arc, sweep->laser, sweep->arc_rad);

@@ -24,8 +24,9 @@ struct laser_reference {
 };
 
 /* Convert a reference without its top_mm to and from a line of text, which is stored as the
- * session's value LASER_REFERENCE_KEY. Free the text with g_free(). Parsing sets top_mm to 0. It
- * returns FALSE if the text is NULL or not five numbers of at least 0 with “;” between them. */
+ * session's value LASER_REFERENCE_KEY. Free the text with g_free(). laser_reference_from_text()
+ * sets top_mm to 0. It returns FALSE if the text is NULL, or is not five numbers of at least 0 with
+ * “;” between them. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);

@@ -132,8 +132,9 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
     }
 }
 
-/* Returns the quadratic B-spline B₂(t/2) at a distance of t pixels. Its sum over the pixels of one
- * colour, which are two pixels apart, does not depend on the position (partition of unity). */
+/* Returns the quadratic B-spline B₂(t/2) at a distance of t pixels. Pixels of one colour are two
+ * pixels apart. The sum of the spline over these pixels does not depend on the position (partition
+ * of unity). */
 static float spline(double t) {
     t = fabs(t) / 2;
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);

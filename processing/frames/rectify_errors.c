@@ -7,9 +7,9 @@
 #define MAX_RATIO   100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Copies a texel's area weights into the window of its smooth weights, and returns this window. It
- * contains all area weights that are not 0. Without smooth weights (mono), the window of the area
- * weights is used and returned. */
+/* Copies a texel's area weights into the window of its smooth weights, and returns this window.
+ * This window contains all area weights that are not 0. Without smooth weights (mono), the window
+ * of the area weights is used and returned. */
 static const struct window *widen(const Rectify *rectify, int texel, float *ret_area) {
     const struct window *area = &rectify->area.window[texel];
     const struct window *window = &rectify->around.window[texel];
