@@ -7,13 +7,16 @@
 #include "base/work.h"
 
 enum fit_normals_method {
-    /* The fit is evaluated under lights that are spread evenly down to the lowest measured one. The
-     * normal b / |b| follows from Lambert's law, min Σ (f(l) − b·l)². The sum is over the lights
-     * that the surface faces and under which it is neither in shadow nor in a highlight: b·l > 0.15
-     * |b| and |f(l) − b·l| < 0.1 |b|. These lights are found by repeating the fit (Woodham 1980).
+    /* The normal b / |b| by Lambert's law: b minimises Σ (f(l) − b·l)². f(l) is the PTM or HSH
+     * under the light l. The lights l are spread evenly down to the lowest measured one. Only the
+     * lights count that the surface faces (b·l > 0.15 |b|), and under which there is no shadow and
+     * no highlight (|f(l) − b·l| < 0.1 |b|). These lights are found by repeating the fit (Woodham
+     * 1980).
+     *
      * Median errors on Lambertian surfaces are 0.6° for a PTM, 1.1° for HSH of 4 terms, and 0.3°
-     * for 9 and 16 terms. With cast shadows or a highlight the errors are 8° for a PTM, which
-     * spreads shadows and highlights over all lights, and 1° for HSH of 16 terms. */
+     * for 9 and 16 terms. With cast shadows or a highlight the errors are 8° for a PTM and 1° for
+     * HSH of 16 terms. The errors of a PTM are large, because a PTM spreads shadows and highlights
+     * over all lights. */
     FIT_NORMALS_LAMBERT,
     /* For PTM only: the light under which the polynomial has its maximum (Malzbender et al. 2001),
      * with C0 … C5 as in lobes.h

@@ -116,8 +116,8 @@ gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text,
  * further maps NAME_OpenPBRRoughness and NAME_SpecularWeight. */
 gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **error);
 /* Adds NAME.usda, the maps of maps_add_maps() as PNG, and the map NAME_SpecularWeight. The scene
- * has shapes as in maps_add_gltf(). Its material has UsdPreviewSurface and the standard_surface of
- * MaterialX. UsdPreviewSurface has occlusion, but not in the core model. */
+ * has shapes as in maps_add_gltf(). The material of the scene has UsdPreviewSurface and the
+ * standard_surface of MaterialX. UsdPreviewSurface has occlusion, but not in the core model. */
 gboolean maps_add_usd(const struct maps *maps, int shapes, MapsFiles *files, GError **error);
 /* Adds NAME_blender.py, and the maps of maps_add_maps() as PNG. */
 gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **error);

@@ -81,8 +81,8 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
 
 /* Refines a fitted texel: all parameters together, by the colour difference that is seen.
  *
- * maps_solver.c fits the luminance first and the colours afterwards. This leaves diffuse and
- * specular parts that are not separated, such as a brown diffuse part that is attributed to a wide
+ * maps_solver.c fits the luminance first and the colours afterwards. Diffuse and specular parts are
+ * then sometimes not separated. For example, a brown diffuse part is attributed to a wide
  * highlight. The refinement minimises
  *   Σ a_i √(|r_i|² + ½²) / Σ a_i  +  Σ_k ((x_k − μ_k) / σ_k)²
  * over the pairs i of a view and a light. r_i is the difference between model and value in L*, a*

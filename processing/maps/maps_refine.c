@@ -25,8 +25,8 @@ struct maps_refiner {
      *   left     share of the light that the layers leave
      *   added    light that the layers add */
     float *lab[3], *scales[3], *weights, *left, *added[3];
-    /* The two lobes of the shape. Then, for each value of the shape, the two lobes of the shape in
-     * which this value has moved by STEP. */
+    /* The two lobes of the shape. Then, for each of the first MOVING_SHAPE values of the shape, the
+     * two lobes of the shape in which this value has moved by STEP. */
     float *lobes[2 * (MOVING_SHAPE + 1)];
     float *trial[2];
     float *colours[3]; /* the differences r_i */
