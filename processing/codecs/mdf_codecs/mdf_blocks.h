@@ -47,6 +47,6 @@ void mdf_blocks_free(struct mdf_blocks *blocks); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfBlocks, mdf_blocks_free)
 struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks);
 
-/* Errors: EXR_ERROR. */
+/* Writes or reads a file. Errors are in the domain EXR_ERROR. */
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error);
 struct mdf_blocks *mdf_blocks_read(const char *path, GError **error);

@@ -92,8 +92,8 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
     return ok;
 }
 
-/* Returns a description of the defect of the attributes of the first part, or NULL if there is
- * none. */
+/* Reads the attributes of the first part. Returns a text that says what is wrong with them, or NULL
+ * if they are valid. */
 static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *file) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const char *kind = NULL;
@@ -123,8 +123,8 @@ static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *f
     return NULL;
 }
 
-/* Reads a view: its direction, and its blocks from the channels B0 … B7. Returns a description of a
- * defect like read_head(). */
+/* Reads a view: its direction, and its blocks from the channels B0 … B7. Returns NULL or a text, as
+ * read_head() does. */
 static const char *read_view(struct mdf_blocks *blocks, int view, const struct exr_part *part) {
     guint8 *to = view_of(blocks, view);
     double theta, phi;

@@ -61,6 +61,6 @@ struct mdf_table *mdf_factors_table(const struct mdf_factors *factors);
 /* Returns the bytes of the maps and weights in the memory of a renderer. */
 gint64 mdf_factors_bytes(const struct mdf_factors *factors);
 
-/* Errors: EXR_ERROR. */
+/* Writes or reads a file. Errors are in the domain EXR_ERROR. */
 gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error);
 struct mdf_factors *mdf_factors_read(const char *path, GError **error);

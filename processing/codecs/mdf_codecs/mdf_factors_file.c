@@ -45,7 +45,8 @@ gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, 
     return ok;
 }
 
-/* Returns a description of the defect of sizes and attributes, or NULL if there is none. */
+/* Reads sizes and attributes. Returns a text that says what is wrong with them, or NULL if they are
+ * valid. */
 static const char *read_head(struct mdf_factors *factors, const struct exr_file *file) {
     const struct exr_part *maps = exr_file_part(file, "maps"),
                           *views = exr_file_part(file, "views");
@@ -80,7 +81,7 @@ static const char *read_head(struct mdf_factors *factors, const struct exr_file 
     return NULL;
 }
 
-/* Reads directions, weights and maps. Returns a description of a defect like read_head(). */
+/* Reads directions, weights and maps. Returns NULL or a text, as read_head() does. */
 static const char *read_values(struct mdf_factors *factors, const struct exr_file *file) {
     const gsize texels = (gsize)factors->width * (gsize)factors->height;
     const float *theta = exr_part_plane(exr_file_part(file, "views"), "theta_deg");

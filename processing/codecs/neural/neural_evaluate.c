@@ -71,7 +71,8 @@ LANES_INLINE void repeat(float at, int n, int ret[2], float *ret_share) {
     *ret_share = at - whole;
 }
 
-/* Gives the taps of the surface, which repeats, at a place in texels. */
+/* Gives the four elements around a place in texels, and their weights, for a bilinear read of the
+ * surface. The surface repeats. */
 LANES_INLINE void repeat_taps(float x, float y, int width, int height, struct neural_taps *ret) {
     int i[2], j[2];
     float a, b;
