@@ -67,8 +67,8 @@ static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
 }
 
 /* Splits the directions, sorted by theta, into rings at gaps of at least RING_GAP_DEG. Returns
- * FALSE if they do not form rings. The range of theta within a ring must be less than the ring's
- * distance from other rings, so that rings cannot cross. */
+ * FALSE if the directions do not form rings. The range of theta within a ring must be less than the
+ * ring's distance from other rings, so that rings cannot cross. */
 static gboolean find_rings(Directions *d) {
     g_autoptr(GArray) rings = g_array_new(FALSE, FALSE, sizeof(struct ring));
     double gap_before = G_MAXDOUBLE;
