@@ -148,7 +148,8 @@ static const struct dark *dark_frame(const struct import_set *set, const struct 
     return NULL;
 }
 
-/* Reads a picture and converts its numbers with the coding of a row. Returns NULL with an error. */
+/* Reads a picture and converts its numbers with the coding of a row. Returns NULL with an error if
+ * this is not possible. */
 static struct import_picture *decode(const struct import_set *set, const struct import_row *row,
                                      const char *path, GError **error) {
     const struct rig_camera *camera = &set->known->rig.cameras[row->camera];

@@ -1,5 +1,5 @@
-/* import_poses.c, import_coding.c and import_frames.c share the rows of the table and what is made
- * of them. */
+/* import_poses.c, import_coding.c and import_frames.c share the rows of the table and the data that
+ * are made from the rows. */
 #pragma once
 
 #include "base/text_table.h"

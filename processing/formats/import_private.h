@@ -33,7 +33,7 @@ typedef struct import_picture {
  * layer with these channels, or a grey "Y" for all three. Camera raw has one pixel for each 2 × 2
  * of the mosaic, with the mean of the two green pixels. Numbers are converted with the tone curve
  * `wanted`, or else with the tone curve of the file (picture_tone_choose()). Pixels outside an
- * EXR's data window are NaN. Returns NULL with DATA_ERROR_INVALID. */
+ * EXR's data window are NaN. The error is DATA_ERROR_INVALID. */
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error);
 /* Reads a part of a picture as import_picture_read() does; NULL means the whole picture. If
@@ -45,9 +45,9 @@ struct import_picture *import_picture_read_part(const char *path, const struct i
 /* Reads the numbers in the file, without a conversion to linear light. Camera raw becomes a grey
  * mosaic of floating-point numbers, with 0 at its black level and 1 at its white level. */
 struct import_picture *import_picture_read_codes(const char *path, GError **error);
-/* Returns FALSE if two pictures, which must show the same part of the scene, differ in size or in
- * the position of their display windows. In the message, `list` and `line` say where the second
- * picture is named, and `name` is its name. If `line` is 0, the message has no line. */
+/* Two pictures must show the same part of the scene. Returns FALSE with an error if they differ in
+ * size or in the position of their display windows. In the message, `list` and `line` say where the
+ * second picture is named, and `name` is its name. If `line` is 0, the message has no line. */
 gboolean import_picture_check_same(const struct import_picture *first,
                                    const struct import_picture *second, const char *list, int line,
                                    const char *name, GError **error);

@@ -21,6 +21,6 @@ struct calibration *nominal_read(const char *path, GError **error);
 gboolean nominal_looks_down(const struct rig_camera *camera);
 
 /* Returns the text of a file of nominal values to fill in, for the cameras, lamps and lasers in a
- * table of pictures (import_poses.h); g_free(). Each camera has the size of its first picture.
- * Returns NULL with DATA_ERROR. */
+ * table of pictures (import_poses.h); g_free(). The size of each camera is that of its first
+ * picture. The error is in DATA_ERROR. */
 char *nominal_template(const char *table, GError **error);

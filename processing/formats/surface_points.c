@@ -48,8 +48,8 @@ static gboolean along(const struct view *view, int i, int before, int after, str
     return from != to;
 }
 
-/* Computes the normal: the cross product of the tangents along columns and rows, towards the
- * camera. Returns FALSE if a tangent is missing. */
+/* Computes the normal: the cross product of the tangents along columns and rows. The normal points
+ * towards the camera. Returns FALSE if a tangent is missing. */
 static gboolean normal_at(const struct view *view, int column, int row, struct vec3 *ret) {
     const int width = view->surface->grid.width, height = view->surface->grid.height;
     const int i = row * width + column;

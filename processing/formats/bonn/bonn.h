@@ -128,7 +128,7 @@ struct bonn_factors {
 };
 
 /* Writes factors as halves. The kind BONN_FMF has one matrix with rows (view, light, channel) and
- * columns (texel). BONN_DFMF has three matrices with rows (view, light), one each for R, G and B,
- * which are not transformed. */
+ * columns (texel). BONN_DFMF has three matrices with rows (view, light), one each for R, G and B.
+ * The colours are written without a transformation. */
 gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
                             const struct bonn_factors *factors, GError **error);

@@ -185,8 +185,8 @@ BonnFile *bonn_open(const char *path, GError **error) {
     return parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
-/* Reads a block of texels: to[(light · n + texel) · 3 + channel], NaN if nothing is stored. In the
- * file the channels of a texel are adjacent, then its lights. */
+/* Reads a block of n texels. to[(light · n + texel) · 3 + channel] is a value, or NaN if the texel
+ * is not stored. In the file, the channel of a texel varies fastest, then the light. */
 static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
                          GError **error) {
     const gsize n_lights = (gsize)file->header.n_lights, n_values = n_lights * BONN_CHANNELS;

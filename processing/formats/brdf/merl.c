@@ -21,8 +21,8 @@ struct merl {
     float *values; /* 3 × THETA_H × THETA_D × n_phi: f_r, or a negative number */
 };
 
-/* Converts the numbers of one colour before it reads the next, so that memory holds the doubles of
- * only one colour. */
+/* Reads the three colours. The numbers of one colour are converted before the next colour is read,
+ * so that the doubles of only one colour are in memory. */
 static gboolean read_colours(struct merl *merl, int fd, const char *path, GError **error) {
     const gsize n = (gsize)THETA_H * THETA_D * (gsize)merl->n_phi;
     g_autofree double *row = g_new(double, n);

@@ -53,7 +53,7 @@ struct fitting {
 };
 
 /* Fits the terms to one value per light by least squares. Values that are NaN are left out. Returns
- * FALSE if the other lights do not determine the terms. */
+ * FALSE if the remaining lights do not determine the terms. */
 static gboolean rti_fit_terms(const struct fitting *fitting, const double *values,
                               double ret[TERMS]) {
     struct normal normal = {.b = {0}};
