@@ -28,9 +28,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPictures, laser_pictures_free)
  * pixels are compared with each other, whatever their colour filter. */
 void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
-/* Gives the lines of all frames; laser_lines_clear(). turn_rad of a frame without a line is copied
- * from the nearest frame with a line. The roll is the mean over all lines, weighted by their number
- * of candidates. disagrees is FALSE. The standard errors are unknown, and are stored as INFINITY,
- * so the error bars of the MDF are those of the calibration. If no frame has a line, turn_rad is
- * NULL, and roll, offset and their standard errors are 0. */
+/* Gives the lines of all frames. Free the result with laser_lines_clear(). turn_rad of a frame
+ * without a line is copied from the nearest frame with a line. The roll is the mean over all lines,
+ * weighted by their number of candidates. disagrees is FALSE. The standard errors are unknown, and
+ * are stored as INFINITY, so the error bars of the MDF are those of the calibration. If no frame
+ * has a line, turn_rad is NULL, and roll, offset and their standard errors are 0. */
 void laser_pictures_finish(const LaserPictures *pictures, struct laser_lines *ret);
