@@ -285,8 +285,8 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
 }
 
 /* Chooses the layers: fits about SOME texels without layers, with sheen and with clear coats of
- * some roughnesses, and keeps those with the smallest cost. A layer must reduce the cost without
- * layers as BETTER and WORTH require. */
+ * some roughnesses, and keeps the layers with the smallest cost. A layer must reduce the cost
+ * without layers as BETTER and WORTH require. */
 static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const struct work *work,
                        GError **error) {
     static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};
