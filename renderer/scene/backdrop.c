@@ -17,8 +17,8 @@ enum { SHARP, SOFT, N_SHADOWS };
 struct Backdrop {
     guint programs[N_PROGRAMS][N_SHADOWS]; /* each is compiled when it is first used */
     guint environment;                     /* texture of the environment map; 0 if there is none */
-    /* The footprint of the mesh: foot[0] and foot[1] are half its size in x and in y. foot[2] is
-     * the lowest z of the mesh. */
+    /* Footprint of the mesh: [0] and [1] are half its size in x and in y, and [2] is the lowest z
+     * of the mesh. */
     float foot[3];
     float corner; /* radius of the corners of the footprint */
     float radius; /* radius of the mesh */
@@ -55,8 +55,8 @@ void backdrop_free(Backdrop *backdrop) {
     g_free(backdrop);
 }
 
-/* The footprint of the mesh (its lowest quarter seen from above) is modelled as a rectangle with
- * rounded corners. The radius of the corners is 0 for a square plane, and half the width for a
+/* The footprint is the lowest quarter of the mesh, seen from above. It is modelled as a rectangle
+ * with rounded corners. The radius of the corners is 0 for a square plane, and half the width for a
  * torus. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
     double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;

@@ -45,8 +45,8 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     const struct vec3 centre = vec3_add(vec3_scale(axes.right, s->camera_pan[0] * radius),
                                         vec3_scale(axes.up, s->camera_pan[1] * radius));
     const struct vec3 eye = vec3_add(centre, vec3_scale(axes.back, distance));
-    /* The first three values of each row of the matrix. The fourth is −row · eye, and in the third
-     * row a constant is added to it. */
+    /* The first three values of each row of the matrix. The fourth value is −row · eye. In the
+     * third row, a constant is added to the fourth value. */
     const struct vec3 rows[4] = {
         vec3_scale(axes.right, 1.0 / half_x), vec3_scale(axes.up, 1.0 / half_y),
         vec3_scale(axes.back, (near + far) * depth), vec3_scale(axes.back, -1.0)};
@@ -62,11 +62,13 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     ret_eye[2] = (float)eye.z;
 }
 
-/* The bounds of the points along one axis of the picture, as camera_fit() needs them. x is the
- * coordinate of a point along this axis, and z towards the camera. The point is inside the picture
- * if |x − c| ≤ k (d − z). Here d is the distance of the camera, c its pan, and k the tangent of
- * half the field of view. high is the maximum of x + k z over all points, and low the maximum of −x
- * + k z. The smallest distance is therefore d = (high + low) / 2k, with c = (high − low) / 2. */
+/* The bounds of the points along one axis of the picture, as camera_fit() needs them. `high` is the
+ * maximum of x + k z over all points, and `low` is the maximum of −x + k z. x is the coordinate of
+ * a point along the axis, z its coordinate towards the camera, and k the tangent of half the field
+ * of view.
+ *
+ * A point is inside the picture if |x − c| ≤ k (d − z). Here d is the distance of the camera, and c
+ * its pan. The smallest distance is therefore d = (high + low) / 2k, with c = (high − low) / 2. */
 struct extent {
     double high, low;
 };
@@ -82,8 +84,8 @@ static struct vec3 point(const float *points, guint i) {
 }
 
 /* Returns the pan along one axis of the picture at which the points, in perspective, extend equally
- * far to both sides of the middle. Begins with `pan`. The pan that follows from struct extent has
- * this property only along the axis in which the points fill the picture. */
+ * far to both sides of the middle. The iteration begins at `pan`. The pan from struct extent
+ * centres the points only along the axis in which they fill the picture. */
 static double camera_centre(const float *points, guint n, struct vec3 axis, struct vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {

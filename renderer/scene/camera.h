@@ -3,11 +3,11 @@
 
 #include "viewer_settings.h"
 
-/* Computes ret_projection, the column-major matrix from world to clip coordinates. ret_eye is the
+/* Computes ret_projection, the column-major matrix from world to clip coordinates, and ret_eye, the
  * position of the camera in world coordinates. radius is the radius of the mesh, which is the unit
  * of lengths in the settings. aspect is width / height. The near and far planes enclose the sphere
- * of radius reach around the origin, except that the near plane is at least 0.01 radius in front of
- * the camera. */
+ * of radius `reach` around the origin. If this near plane would be less than 0.01 radius in front
+ * of the camera, the near plane is put there. */
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 

@@ -18,9 +18,10 @@ struct environment {
 /* The names of computed environments, NULL-terminated; see environment_made.h. */
 extern const char *const environment_names[];
 
-/* Opens an environment. name is one of environment_names, or the path of a file. Returns NULL on
- * error. environment_read() takes only the path of a file. It refuses a picture of another form, or
- * with a radiance outside 0 … 1e30. Free the result of either function with environment_free(). */
+/* environment_open() opens an environment by its name. name is one of environment_names, or the
+ * path of a file. environment_read() opens a file. Both return NULL on error. A file is refused if
+ * it has another form than described above, or a radiance outside 0 … 1e30. Free the result with
+ * environment_free(). */
 struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
@@ -31,8 +32,8 @@ void environment_free(struct environment *environment); /* NULL is ignored */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds at most settings->environment_lamps lamps to the settings, which give the light of the
- * environment turned by settings->environment_turn_deg. Fails and changes nothing if the
- * environment is black, or if the settings have no room for a lamp. */
+/* Adds at most settings->environment_lamps lamps to the settings. Together they give the light of
+ * the environment, turned by settings->environment_turn_deg. Fails and changes nothing if the
+ * environment is black, or if the settings cannot hold another lamp. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

@@ -16,7 +16,7 @@
 
 struct environment_box {
     double theta_deg, phi_deg; /* direction of the centre of the box */
-    /* half_width is across the meridian, half_height along it; both at distance 1 */
+    /* at distance 1; the width is across the meridian of the box, and the height along it */
     double half_width, half_height;
     double radiance; /* replaces the radiance of the room */
     float rgb[3];    /* tint; the radiance is multiplied by it */

@@ -4,9 +4,9 @@
 
 #include "viewer_settings.h"
 
-/* Returns the settings with a first lamp that is far away or off. If the first lamp is near, it
- * becomes the first of the further lamps, and the returned settings have no first lamp. Further
- * lamps may be near. viewer_settings_check() makes sure that there is room for one more lamp. */
+/* Returns settings with which no near lamp is the first lamp. If the first lamp is near, the result
+ * has it as the first of the further lamps, and has no first lamp. Otherwise the settings are
+ * returned unchanged. viewer_settings_check() makes sure that there is space for one more lamp. */
 struct viewer_settings lamp_settings(const struct viewer_settings *settings);
 
 gboolean lamp_any_near(const struct viewer_settings *settings); /* ignores the first lamp */

@@ -15,12 +15,13 @@ struct measured {
                      picture is black */
 };
 
-/* Finds the measured view that is nearest to the direction of the camera, and the measured light
- * that is nearest to the direction of the first lamp. Both directions are taken as those of a
- * horizontal sample, whatever the mesh. Then compares the picture of this view and light with the
- * picture that the viewer draws of one flat tile. Sets *ret to the result. Each texel becomes n × n
- * pixels of a panel. n is the largest number for which the three panels fit into width, but at
- * least 1. */
+/* Compares the picture of a measured view and light with the picture that the viewer draws of one
+ * flat tile. The view is the measured view that is nearest to the direction of the camera. The
+ * light is the measured light that is nearest to the direction of the first lamp. Both directions
+ * are taken as those of a horizontal sample, whatever the mesh.
+ *
+ * Sets *ret to the result. Each texel becomes n × n pixels of a panel. n is the largest number for
+ * which the three panels fit into width, but at least 1. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

@@ -20,9 +20,9 @@ Programs *programs_new(const struct method *method);
 void programs_free(Programs *programs); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
-/* Returns the program for a picture with these settings, and compiles it if necessary. `programs`
- * owns it. material is a material of the method. places says how the surface shows the sample
- * (places.h). Returns 0 with an error if the program cannot be compiled. */
+/* Returns the program for a picture with these settings, and compiles it if necessary. The Programs
+ * own the program. material is a material of the method. places says which places of the sample the
+ * surface shows (places.h). Returns 0 with an error if the program cannot be compiled. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct places_source *places, const struct viewer_settings *settings,
                    GError **error);

@@ -10,9 +10,12 @@ typedef struct MdfTexture MdfTexture; /* belongs to the thread of the GL context
 #define MDF_TEXTURE_UNIT 8  /* the texture uses this unit and the next two */
 #define MDF_FACTORS_UNIT 13 /* unit of the factors' weights, by direction */
 
-/* Makes the texture. Copies everything that it needs. Views are stored as half floats. Blocks are
- * stored unchanged (RGTC1, 4 bits per texel). Factors are stored as 8-bit maps, four of them in
- * each fetch, for any number of views. */
+/* Makes the texture of an MDF, and copies everything that it needs. The layout of the texture
+ * depends on the form of the MDF:
+ * - Views are stored as half floats.
+ * - Blocks are stored unchanged (RGTC1, 4 bits per texel).
+ * - Factors are stored as 8-bit maps. A texel of the texture has the values of four maps. The
+ *   number of maps does not depend on the number of views. */
 MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error);
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
@@ -23,13 +26,16 @@ gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL */
 
-/* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances along the ray have 8
- * bits with one scale. They are in a 3D texture that is filtered trilinearly, without mip levels.
- * The third axis of the texture is the view. The filter interpolates between views of a ring, and
- * the shader mixes two rings. The first call makes the texture from the views. The slices of the
- * texture are those of drawing/gl/ring_slices.h. Shaders are compiled with MDF_VOLUME 1. The
- * function fails if the MDF is in factors, if the views are not on evenly spaced rings, or if the
- * views do not fit into a 3D texture of the card. */
+/* Makes the form that Wang et al. 2005 §5 describe, for comparison. Shaders are compiled with
+ * MDF_VOLUME 1. The first call makes the texture from the views.
+ *
+ * The texture is 3D. Its third axis is the view; its slices are those of drawing/gl/ring_slices.h.
+ * A texel has the distance along the ray as 8 bits, with one scale for all texels. The texture is
+ * filtered trilinearly, without mip levels. The filter interpolates between views of a ring, and
+ * the shader interpolates between two rings.
+ *
+ * Fails if the MDF is in factors, if the views are not on evenly spaced rings, or if the views do
+ * not fit into a 3D texture of the card. */
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
@@ -45,8 +51,8 @@ gboolean mdf_texture_make_along(MdfTexture *texture, GError **error);
  * use. The textures use the units 8 to 10 and 13. Does nothing before mdf_texture_make_along(). */
 void mdf_texture_bind_along(const MdfTexture *texture, guint program);
 
-/* Returns the width and height of the sample in mm. */
+/* Sets ret to the width and height of the sample in mm. */
 void mdf_texture_size_mm(const MdfTexture *texture, float ret[2]);
 
-/* Sets textures and uniforms of a program in use. */
+/* Sets the textures and uniforms of the MDF in a program in use. */
 void mdf_texture_bind(const MdfTexture *texture, guint program);

@@ -10,7 +10,8 @@
 
 struct Relief {
     MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;
-    Visibility *eye, *lamp; /* two objects, because their textures have different sizes */
+    /* two objects, because the pictures of the eye and of the lamps have different sizes */
+    Visibility *eye, *lamp;
     /* Shadow maps of the first lamp, and of further lamps (NULL until there are any). */
     ShadowMaps *first, *further;
     /* Values that relief_prepare() has set for relief_bind(). */
@@ -80,8 +81,8 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return sum;
 }
 
-/* Removes all indices from n_casting on, which cast no shadow. A part that contains index n_casting
- * is cut there. */
+/* Removes all indices from n_casting on, because they cast no shadow. If index n_casting lies
+ * within a part, only the indices of this part before n_casting remain. */
 static void parts_casting(struct visibility_scene *scene, guint n_casting) {
     int n = 0;
     for (int k = 0; k < scene->n_parts; k++) {

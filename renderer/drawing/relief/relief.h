@@ -38,8 +38,8 @@ struct relief_scene {
     double radius;  /* radius of the part that casts shadows */
     float light[3]; /* unit vector towards the first lamp */
     guint serial;   /* a different number for each mesh */
-    /* These two say whether silhouettes are drawn, and whether the shadows of all lamps are drawn.
-     * Silhouettes need a part with an MDF. */
+    /* `silhouettes`: silhouettes are drawn, which needs a part with an MDF. `shadows`: the shadows
+     * of all lamps are drawn. */
     gboolean silhouettes, shadows;
     gboolean along_surface; /* textures for along.glsl are made and bound */
     gboolean lit;           /* the first lamp is on; if FALSE, it casts no shadow */
@@ -62,5 +62,6 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError
 /* Sets the textures and uniforms of the relief in a program in use, for parts with this material.
  * The textures use the units VISIBILITY_UNIT, VISIBILITY_UNIT + 1, RELIEF_FURTHER_UNIT and
  * RELIEF_DEPTHS_UNIT. If rays are marched through the shell of the material's MDF, the function
- * also calls mdf_texture_bind_along(), which uses further units after mdf_texture_make_along(). */
+ * also calls mdf_texture_bind_along(). That function uses further units if mdf_texture_make_along()
+ * has been called. */
 void relief_bind(const Relief *relief, int material, guint program);

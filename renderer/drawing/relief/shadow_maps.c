@@ -6,16 +6,19 @@
 #include <math.h>
 #include <string.h>
 
-/* SLACK: depth bias, in texels. REACH, RANGE: in radii of the mesh; see shadow_maps_range(). NEAR:
- * in radii of the mesh; a lamp without a cone that is nearer to the origin has six maps. WIDE: a
- * near lamp with a cone of a larger half-angle also has six maps. FACES: number of these maps. */
-#define SLACK 2.0
+#define SLACK 2.0 /* depth bias, in texels */
+/* Depths in the map of a distant lamp, in radii of the mesh: distance of depth 0 from the origin,
+ * and length from depth 0 to depth 1; see shadow_maps_range(). */
 #define REACH 2.0
 #define RANGE 4.0
 
-#define NEAR  1.2
+/* A lamp without a cone has six maps if it is nearer to the origin than this, in radii of the mesh.
+ */
+#define NEAR 1.2
+/* A near lamp with a cone has six maps if half the angle of the cone is larger than this, in
+ * radians. */
 #define WIDE  (75.0 * G_PI / 180)
-#define FACES 6
+#define FACES 6 /* number of maps of such a lamp: the faces of a cube */
 
 /* Everything on which a map depends. */
 struct key {
@@ -133,9 +136,9 @@ static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
     return lamp->place[3] < 0.5F || lamp_has_cone(lamp) || outside ? 1 : FACES;
 }
 
-/* Returns the tangent of half the angle of a near lamp's map. It is 1 for the faces of a cube. The
- * map of a spot lamp just contains the cone. The map of another lamp just contains the sphere of
- * the mesh. */
+/* Returns the tangent of half the angle of a near lamp's map. For the faces of a cube, this is 1.
+ * The map of a spot lamp just contains the cone. The map of a lamp without a cone just contains the
+ * sphere of the mesh. */
 static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
     const double distance = place_distance(lamp);
     if (lamp_faces(lamp, radius) == FACES)
@@ -173,7 +176,7 @@ void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, i
     }
 }
 
-/* Computes a unit vector opposite to the direction in which a face of the lamp's maps looks. */
+/* Sets ret to the unit vector from the middle of a face of the lamp's maps towards the lamp. */
 static void face_back(const struct shadow_lamp *lamp, int face, double radius, float ret[3]) {
     const double distance = place_distance(lamp);
     const gboolean cube = lamp_faces(lamp, radius) == FACES, cone = lamp_has_cone(lamp);
@@ -201,9 +204,9 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
 }
 
 /* Computes the column-major matrix of a perspective view from the lamp through one face of its
- * maps. Everything nearer than a hundredth of the radius is cut off. The near plane lies close to
- * the mesh, because a near plane close to the lamp would leave few bits for the depths of the mesh.
- */
+ * maps. Nothing is drawn that is nearer to the lamp than a hundredth of the radius. The near plane
+ * lies close to the mesh, because a near plane close to the lamp would leave few bits for the
+ * depths of the mesh. */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);

@@ -1,9 +1,13 @@
 /*
- * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map. A
- * near lamp with a cone of at most 75° half-angle has one perspective map. So has a lamp without a
- * cone that is at least 1.2 radii of the mesh from the origin. Any other near lamp has six maps,
- * the faces of a cube around the lamp. A map stores the depth of the base of the structure, because
- * shadows of the structure on itself are already part of the BTF.
+ * Shadow maps (Wang et al. 2005 §4.2). The number of maps depends on the lamp:
+ * - A lamp that is infinitely far away has one map, in parallel projection.
+ * - A near lamp with a cone of at most 75° half-angle has one map, in perspective.
+ * - A lamp without a cone that is at least 1.2 radii of the mesh from the origin also has one map,
+ *   in perspective.
+ * - Any other near lamp has six maps, the faces of a cube around the lamp.
+ *
+ * A map stores the depth of the base of the structure, because shadows of the structure on itself
+ * are already part of the BTF.
  */
 #pragma once
 
@@ -38,8 +42,8 @@ struct shadow_lamp {
     float cone_rad;
 };
 
-/* Returns the number of layers for n lamps. The first n layers belong to one lamp each. Then follow
- * the other five maps of each lamp that has six maps. */
+/* Returns the number of layers for n lamps. Layer k is the first map of lamp k, for k < n. The
+ * layers from n on are the other five maps of each lamp that has six maps. */
 int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
 
 /* Draws each map again if its lamp, mesh, tiles, MDF or options have changed since the last call.
@@ -56,8 +60,8 @@ void shadow_maps_forget(ShadowMaps *maps); /* shadow_maps_find() then draws all 
 guint shadow_maps_texture(const ShadowMaps *maps);
 
 /* Sets ret to the unit vector along +x of a map. towards is the unit vector opposite to the
- * direction in which the map looks. For a distant lamp, this is the unit vector towards the lamp.
- * The map's +y is towards × ret. */
+ * direction in which the map looks; for a distant lamp, it points towards the lamp. The map's +y is
+ * towards × ret. */
 void shadow_maps_right(const float towards[3], float ret[3]);
 
 /* Computes three lengths for shaders, in world units. ret[0] is the distance, towards the lamp,

@@ -11,24 +11,26 @@ enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
 
 #define VARIANTS (N_FORMS * PLACES_KINDS) /* number of variants of the programs */
 
-/* SURE_BASE is SURE without the distance to the structure (base_only in visibility.h). */
+/* The programs of a variant. SURE_BASE does the same as SURE, but does not compute the distance to
+ * the structure (base_only in visibility.h). */
 enum { BACK, FRONT, SURE, SURE_BASE, ADD, N_PROGRAMS };
 
 struct Visibility {
-    /* Programs by form of the MDF and kind of places. All variants but the first are compiled when
-     * they are first needed. SURE, SURE_BASE and ADD exist only with OpenGL 4.3, as do exits and
-     * find. */
+    /* Programs, by form of the MDF and kind of places. All variants but the first are compiled when
+     * they are first needed. SURE, SURE_BASE and ADD exist only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
+    /* programs without variants; they exist only with OpenGL 4.3 */
     guint exits, find;
     guint query; /* whether a layer has back faces */
-    /* `back` has the back faces of this layer and of the layer before, in turn. `exit` has the
-     * nearest back faces. `seen` is the result of visibility_find(). */
+    /* `back` has the back faces of this layer and those of the previous layer; the two elements
+     * change places with each layer. `exit` has the nearest back faces. `seen` is the result of
+     * visibility_find(). */
     struct gpu_target back[2], exit, seen;
-    /* Stencil buffer of `seen`. With peeling, it has the layer in which the surface of a pixel was
-     * found. With lists, it is 1 where a pixel has a list. */
+    /* Stencil buffer of `seen`. With peeling, its value is the layer in which the surface of a
+     * pixel was found. With lists, its value is 1 where a pixel has a list. */
     guint stencil;
-    /* `first` is the texture of the number of the first face in each pixel's list. `faces` is the
-     * buffer of the lists (list_nodes.glsl). */
+    /* Each pixel has a list of faces. `faces` is the buffer of all lists (list_nodes.glsl). `first`
+     * is a texture with the number of the first face in each pixel's list. */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
     guint32 room; /* number of faces for which the buffer has space */
@@ -117,9 +119,9 @@ static int part_variant(const struct visibility_part *part) {
     return (int)form_of(part) + N_FORMS * (int)places_kind_of(&part->places);
 }
 
-/* A drawing pass. `textures` are bound to VISIBILITY_UNIT and to the next unit, and `names` are the
- * names of their samplers. Unused elements of `names` are NULL, and unused elements of `textures`
- * are 0. */
+/* A drawing pass. textures[0] is bound to VISIBILITY_UNIT, and textures[1] to the next unit.
+ * `names` are the names of their samplers. An unused element of `names` is NULL, and an unused
+ * element of `textures` is 0. */
 struct pass {
     int program; /* BACK, FRONT, SURE, SURE_BASE or ADD */
     const char *names[2];
@@ -182,8 +184,8 @@ static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int l
     return any != 0;
 }
 
-/* Draws front faces. The stencil buffer keeps the layer in which the surface of a pixel was found,
- * and masks the pixel in all later layers. */
+/* Draws front faces. The stencil buffer stores the layer in which the surface of a pixel was found.
+ * Later layers do not draw such a pixel again. */
 static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
     clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
     glEnable(GL_STENCIL_TEST);
@@ -230,7 +232,7 @@ static gboolean make_room(Visibility *v, guint32 faces) {
     return FALSE;
 }
 
-/* Draws the nearest back faces, and then the front faces behind which the ray meets the structure
+/* Draws the nearest back faces. Then draws the front faces behind which the ray meets the structure
  * for certain. These front faces hide all faces behind them. */
 static void find_sure(Visibility *v, const struct visibility_scene *s) {
     glEnable(GL_DEPTH_TEST);

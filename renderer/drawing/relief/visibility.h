@@ -13,7 +13,7 @@
 #include "mdf_texture.h"
 
 enum visibility_way {
-    /* Lists if OpenGL 4.3 is available, otherwise peeling; the pictures are the same. */
+    /* Uses lists if OpenGL 4.3 is available, and peeling otherwise. Both give the same pictures. */
     VISIBILITY_AUTO,
     VISIBILITY_PEEL, /* Wang et al. 2005 fig. 7: the mesh is drawn twice per layer */
     /* Front faces behind which the structure is certain are drawn first. All faces that they do not
@@ -27,7 +27,7 @@ enum visibility_way {
 
 struct visibility_options {
     enum visibility_way way;
-    /* Largest number of tested pairs of front and back faces behind each other. */
+    /* Largest number of pairs of a front face and a back face that are tested along a ray. */
     int layers;
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
     /* Distances are read from volumes, as in Wang et al. 2005, for each part that has a volume. */
@@ -72,12 +72,17 @@ Visibility *visibility_new(GError **error);
 void visibility_free(Visibility *visibility); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 
-/* Finds the visible surface. *ret_texture is a texture of width × height, RGBA32F. R is the
- * distance from the eye to the mesh, or for a distant eye from the plane at the distance reach. G
- * is the distance along the ray from the mesh to the structure. With base_only, G may be the
- * distance to the base instead. B is the distance along the ray from the mesh to the base of the
- * structure, or to the far side of the mesh if that is nearer. A is 1. All four are 0 where nothing
- * is seen. The texture belongs to the object and is valid until the next call. */
+/* Finds the visible surface. *ret_texture is a texture of width × height, RGBA32F:
+ * - R is the distance from the eye to the mesh. For a distant eye, the distance is measured from
+ *   the plane at the distance `reach`.
+ * - G is the distance along the ray from the mesh to the structure. With base_only, G may be the
+ *   distance to the base of the structure instead.
+ * - B is the distance along the ray from the mesh to the base of the structure, or to the far side
+ *   of the mesh if that is nearer.
+ * - A is 1.
+ *
+ * All four are 0 where nothing is seen. The Visibility owns the texture, which is valid until the
+ * next call. */
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 
