@@ -12,13 +12,14 @@
 #include <math.h>
 #include <string.h>
 
-#define PARTS   32 /* parts of the samples that are distributed among threads */
+#define PARTS   32 /* number of parts into which the samples are divided for the threads */
 #define DEGREES (float)(180.0 / G_PI)
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
 struct Reference {
-    mesorig_material *material;    /* NULL for a BTF, which the following members describe */
+    /* a compressed material; NULL for a BTF, which the following members describe */
+    mesorig_material *material;
     GPtrArray *files;              /* paths, one per view */
     GPtrArray *names;              /* of the parts, one per light */
     GArray *view_theta, *view_phi; /* of float, degrees */
@@ -31,8 +32,8 @@ struct Reference {
  * are used. */
 #define ALONG 6
 
-/* A sample that is predicted along the surface (reprojection.h): its surface point, and the views
- * that see this point. */
+/* The surface point that a sample shows, and the views that see this point. Used for samples that
+ * are predicted along the surface (reprojection.h). */
 struct along {
     gboolean seen;
     float p[3]; /* the surface point, mm */
@@ -57,17 +58,18 @@ struct shading {
     struct along *along; /* one for each sample; NULL if views are mixed texel by texel */
     guint n_samples;
     const float *texel, *view; /* viewer_render_geometry() of TEXEL and of VIEW */
-    /* viewer_render_geometry() of LIGHT and of LIT, for the lamp that is added */
+    /* viewer_render_geometry() of LIGHT and of LIT, for the lamp whose light is being added */
     const float *light, *lit;
-    /* `rgb` is the colour of the lamp that is added. `ambient` is the brightness of an even sky
-     * that is added with the lamp. */
+    /* `rgb` is the colour of the lamp whose light is being added. `ambient` is the brightness of an
+     * even sky that is added together with this lamp. */
     double rgb[3], ambient;
-    /* The view that is in memory: one layer for each light, one for the pole of the lights and one
-     * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
+    /* The view that is in memory. It has one layer for each light, then one for the pole of the
+     * lights and one for an even sky. Each layer is height × width × 4: R, G, B and an unused
+     * value. */
     float *layers;
     gsize layer_size; /* in floats */
-    /* `pole` has the weight of each light in the layer of the pole. `sky` has the weight of each
-     * light in the layer of the even sky. */
+    /* Weights of the lights: `pole` for the layer of the pole, and `sky` for the layer of the even
+     * sky. */
     const float *pole, *sky;
     float *means;                  /* mean R, G, B of each layer */
     const struct index_map *index; /* index map; NULL if there is none */
@@ -75,7 +77,7 @@ struct shading {
     struct endless_lattice lattice;
     int width, height; /* number of texels after which the drawn pattern repeats */
     int view_index;
-    /* weight of the loaded view in the mean that stands for the pole of the views */
+    /* weight of the view in memory in the mean that stands for the pole of the views */
     float pole_share;
 };
 
@@ -258,8 +260,8 @@ static void reference_trace(const struct shading *s, const struct sample *sample
         ret->share[k] /= kept;
 }
 
-/* Finds the places of a point in the sample, in tiles. There is one place, unless the sample is
- * laid out in hexagons and style.nearest is not set. */
+/* Finds the places of the sample that a point of the mesh shows, in tiles. There are several places
+ * only if the sample is laid out in hexagons and style.nearest is not set. */
 static void reference_find_places(const struct shading *s, const float texel[2],
                                   struct endless_places *ret) {
     *ret = (struct endless_places){.n = 1, .x = {{texel[0], texel[1]}}, .weight = {1}};
@@ -273,7 +275,7 @@ static void reference_find_places(const struct shading *s, const float texel[2],
     ret->mean = 0;
 }
 
-/* Finds the directions and weights of a part of the samples. */
+/* Finds the weights of the views and lights for a part of the samples. */
 static void reference_prepare(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
@@ -300,8 +302,8 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
-/* Returns the values of a layer at a texel of the drawn pattern. They are the values of the texel
- * of the sample that is drawn at that place. */
+/* Returns R, G and B of a layer at the texel (i, j) of the drawn pattern. With an index map, these
+ * are the values of the texel of the sample that the map shows there. */
 static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
     if (s->index != NULL) {
         const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);
@@ -311,8 +313,8 @@ static const float *shading_texel(const struct shading *s, const float *texels, 
     return texels + 4 * ((gsize)j * s->reference->width + i);
 }
 
-/* Adds the value of a layer at a place of the sample, in texels, to sum. The value is interpolated
- * bilinearly between texels. With style.nearest, it is the value of the nearest texel. */
+/* Adds share times the value of a layer to sum, at a place of the sample in texels. The value is
+ * interpolated bilinearly. With style.nearest, the value of the nearest texel is used instead. */
 static void add_place(const struct shading *s, int layer, const float place[2], float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -331,7 +333,7 @@ static void add_place(const struct shading *s, int layer, const float place[2], 
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
 }
 
-/* Adds the value of a layer at the sample to sum. */
+/* Adds share times the value of a layer at all places of a sample to sum. */
 static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
                       float sum[3]) {
     const struct endless_places *p = &at->places;
@@ -341,7 +343,8 @@ static void add_layer(const struct shading *s, int layer, const struct sample *a
         sum[k] += share * p->mean * s->means[3 * layer + k];
 }
 
-/* Adds the value of a layer at the point where the loaded view sees the sample's surface point. */
+/* Adds share times the value of a layer to sum. The value is read at the taps, where the view in
+ * memory sees the surface point of the sample. */
 static void add_taps(const struct shading *s, int layer, const struct reprojection_tap *taps, int n,
                      float share, float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -381,9 +384,11 @@ static void reference_shade_along(int part, gpointer data) {
     }
 }
 
-/* Adds the contribution of the loaded view to a part of the samples. The sum over all views is rgb
- * × Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × Σ_a g_a(v) × the sky layer of view a.
- * g_a are the weights of the views (sample->view), and h_b of the lights (sample->light). */
+/* Adds the contribution of the view in memory to a part of the samples. When all views have been
+ * added, a sample has
+ *     rgb × Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b) + ambient × Σ_a g_a(v) sky_a(x).
+ * g_a are the weights of the views (sample->view), and h_b those of the lights (sample->light).
+ * sky_a is the layer of the even sky in view a. */
 static void reference_shade(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
@@ -409,8 +414,8 @@ static void reference_shade(int part, gpointer data) {
     }
 }
 
-/* Reads R, G and B of each texel under each light from a file. ret has stride floats per texel. The
- * first three of them are set. */
+/* Reads R, G and B of each texel under each light from a file. ret has `stride` floats per texel,
+ * of which only the first three are set. */
 static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
                                     GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
@@ -455,7 +460,7 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
-/* Finds the mean of each layer of the view in memory. */
+/* Computes the mean R, G and B of each layer of the view in memory. */
 static void reference_find_means(const struct shading *s) {
     const gsize n = s->layer_size / 4;
     for (guint layer = 0; layer < s->reference->names->len + 2; layer++) {
@@ -542,9 +547,9 @@ struct material_shading {
     const float *sky;
 };
 
-/* Adds weight × (rgb × lit × the reflectance under the lamp + ambient × Σ_l sky_l × the reflectance
- * under light l) to sample->sum. footprint is 0 for a point of the sample, or 1 for the mean of the
- * sample. */
+/* Adds light to sample->sum, multiplied by weight. The light is rgb × lit × (reflectance under the
+ * lamp) + ambient × Σ_l sky_l × (reflectance under light l). footprint is 0 for a point of the
+ * sample, or 1 for the mean of the sample. */
 static void reference_add_point(const struct material_shading *m, struct sample *sample,
                                 const float uv[2], float footprint, float weight) {
     const struct shading *s = m->shading;
@@ -611,8 +616,9 @@ static gboolean shade_by_material(struct shading *s, const mesorig_material *mat
     return TRUE;
 }
 
-/* Replaces the pixels that the viewer has drawn by the samples. Adds the squares of the values, and
- * of their differences from the viewer's picture, to the sums. */
+/* Replaces the pixels that the viewer has drawn by the samples. Adds the squares of the samples'
+ * values to *squares, and the squares of their differences from the viewer's picture to
+ * *differences. */
 static void put_samples(const struct shading *s, float *picture, double *squares,
                         double *differences) {
     for (guint k = 0; k < s->n_samples; k++)
@@ -625,8 +631,8 @@ static void put_samples(const struct shading *s, float *picture, double *squares
         }
 }
 
-/* Adds the light of one lamp with the colour rgb, and of the even sky, to the samples. The settings
- * `lamp` must have no other lamp. */
+/* Adds the light of one lamp and of the even sky to the samples. The settings `lamp` have this lamp
+ * and no other. rgb is the colour of the lamp. */
 static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
                          const struct viewer_settings *lamp, const float rgb[3], int width,
                          int height, GError **error) {

@@ -34,10 +34,11 @@ Reference *reference_open(const char *btf, GError **error);
  * Such a reference can only render pictures, because reference_info() and reference_read_view()
  * need a BTF. */
 Reference *reference_open_material(const char *path, GError **error);
-/* From now on, pictures from the BTF mix views along the surface that the MDF of the session
- * describes (mdf/reprojection.h). The reference must come from reference_open(). The sample must
- * repeat, without an index map. mdf is products/mdf.exr. Texels are always interpolated. Rendering
- * takes about 150 bytes more for each sample, and the memory of the MDF. */
+/* From now on, pictures from the BTF mix views along the surface that an MDF describes
+ * (mdf/reprojection.h). mdf is the path of products/mdf.exr of the session. The reference must come
+ * from reference_open(). The sample must repeat, without an index map. Texels are always
+ * interpolated. In addition to the memory named above, rendering takes the memory of the MDF and
+ * about 150 bytes for each sample of the picture that shows the mesh. */
 gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
@@ -54,12 +55,15 @@ struct reference_info reference_info(const Reference *reference);
 gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
 
 /* reference_render_scene() works like viewer_draw(), and returns width × height × 3 bytes, sRGB,
- * top row first. reference_render_scene_linear() works like viewer_render_linear(). The viewer
- * gives mesh, background and tone. references has n elements, and references[k] belongs to material
- * k of the viewer. Where references[k] is NULL, the picture shows material k as the viewer draws
- * it, and the error does not include material k. *ret_error is ‖p − r‖ / ‖r‖ over all other samples
- * that show the mesh, with the viewer's picture p and the reference r. It is 0 if r is black.
- * ret_error may be NULL. Both functions return NULL on error. */
+ * top row first. reference_render_scene_linear() works like viewer_render_linear(). Both return
+ * NULL on error. The viewer gives mesh, background and tone.
+ *
+ * references has n elements, and references[k] belongs to material k of the viewer. If
+ * references[k] is NULL, the picture shows material k as the viewer draws it.
+ *
+ * *ret_error is ‖p − r‖ / ‖r‖, with the viewer's picture p and the reference r. The norms are over
+ * all samples of the mesh that show a material with a reference. The error is 0 if r is black.
+ * ret_error may be NULL. */
 guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);

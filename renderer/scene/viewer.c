@@ -46,7 +46,7 @@ struct Viewer {
     Hatching *hatching;
     guint plain_program, geometry_programs[GEOMETRIES], resolve_program;
     guint array, vertices, shapes, indices; /* GL vertex array and the buffers of the mesh */
-    /* `n_casting` is the number of indices without those of the floor, which casts no shadow.
+    /* `n_casting` is the number of indices without the floor, because the floor casts no shadow.
      * `serial` is the number of meshes that have been set so far. */
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
@@ -162,9 +162,9 @@ void viewer_free(Viewer *viewer) {
     g_free(viewer);
 }
 
-/* Replaces the method and the material of m, and takes ownership of material. If the method
- * changes, compiles the programs of the new method. If a program cannot be compiled, fails, changes
- * nothing and does not take material. */
+/* Replaces the method and the material of m, and takes ownership of material. Compiles the programs
+ * of a new method. Returns FALSE if a program cannot be compiled. Then nothing is changed, and the
+ * caller still owns material. */
 static gboolean material_set(struct viewer_material *m, const struct method *method,
                              gpointer material, GError **error) {
     if (m->method != method) {
@@ -193,8 +193,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-/* Sets the main material. Takes ownership of material even on failure. If material is NULL, the
- * caller has already set error, and the function returns FALSE. */
+/* Sets the main material, and takes ownership of material even on failure. If material is NULL, the
+ * caller has already set the error, and the function only returns FALSE. */
 static gboolean take(Viewer *viewer, const struct method *method, gpointer material,
                      GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))
@@ -289,8 +289,8 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* Returns the index map or the hexagons of a material. Only the main material can have one of them,
- * and only if its method has a material file. */
+/* Returns the index map or the hexagons of a material. Both are NULL for any other material than
+ * the main material, and if the method has no material file. */
 static struct places_source places(const Viewer *viewer, int material,
                                    const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;

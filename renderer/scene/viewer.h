@@ -26,8 +26,8 @@ Viewer *viewer_new(const struct eigenmaps *material, GError **error);
 void viewer_free(Viewer *viewer); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
 
-/* These two functions replace the main material and its method, and leave the MDF. On error, the
- * previous material stays. viewer_set_material() copies eigen-maps to the graphics card.
+/* These two functions replace the main material and its method. They do not change the MDF. On
+ * error, the previous material stays. viewer_set_material() copies eigen-maps to the graphics card.
  * viewer_open() opens a file with a method (method_open()). */
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error);
 gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path, GError **error);
@@ -39,31 +39,34 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
  * main material. Fails if the mesh has more than VISIBILITY_MAX_PARTS parts. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
-/* Adds a material to the main material (number 0), which the functions above set. The new material
- * repeats `tiles` times in one unit of the texture coordinates. Returns the number of the material,
- * or −1 on error. The index map, viewer_render_flat() and plain pictures only use the main
- * material. */
+/* Adds a further material. The main material, which the functions above set, has number 0. The new
+ * material repeats `tiles` times in one unit of the texture coordinates. Returns the number of the
+ * new material, or −1 on error. The index map, viewer_render_flat() and plain pictures use the main
+ * material only. */
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
-/* Do the same as viewer_set_mdf() and viewer_open_mdf() for the material with this number. */
+/* These functions do for the material with this number what viewer_set_mdf() and viewer_open_mdf()
+ * do for the main material. */
 gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
                                  GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
 
-/* Sets the MDF of the material, in any of its forms. NULL removes it. Copies everything that it
- * needs. */
+/* viewer_set_mdf() sets the MDF of the main material, in any of its forms, and copies everything
+ * that it needs. NULL removes the MDF. viewer_open_mdf() opens a file of an MDF. */
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
-/* Sets the index map through which the material and its MDF are seen (gl/index_texture.h). With
- * NULL, the sample is repeated. Copies everything that it needs. The map must be made for the
+/* Sets the index map through which the main material and its MDF are seen (gl/index_texture.h), and
+ * copies everything that it needs. With NULL, the sample is repeated. The map must be made for the
  * sample of the material. Methods without a material file, viewer_render_flat() and plain pictures
- * ignore the map. If the settings leave the numbers of tiles to the mesh, these numbers become
- * multiples of the size of the map in tiles. */
+ * ignore the map.
+ *
+ * The settings may leave the numbers of tiles to the mesh. These numbers then become multiples of
+ * the size of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* Opens an index map. Also fails if the sample of the map and the open material have different
- * sizes. */
+/* Opens the file of an index map and sets the map. Also fails if the map was made for a sample of
+ * another size than that of the main material. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
 /* Rounds the numbers of tiles *u and *v to multiples of the size of the index map in tiles. *v is
  * rounded first. *u is then chosen so that the shape of the tiles changes least. Without an index
@@ -74,9 +77,10 @@ const struct index_map *viewer_index(const Viewer *viewer);
 
 /* Returns the hexagons by which a picture with these settings continues the material endlessly
  * (`endless` in struct viewer_settings). *ret receives the lattice of the hexagons with these
- * settings. The first picture that needs hexagons makes them. Returns NULL and does not set *ret
- * before that, or if a picture with these settings has no hexagons. The viewer owns the hexagons,
- * which are valid until another material is set. */
+ * settings. The viewer owns the hexagons, which are valid until another material is set.
+ *
+ * The first picture that needs hexagons makes them. Before that, the function returns NULL and does
+ * not set *ret. It does the same if a picture with these settings has no hexagons. */
 const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *settings,
                                      struct endless_lattice *ret);
 
@@ -121,23 +125,24 @@ float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settin
 
 /* The values of a sample that viewer_render_geometry() returns. */
 enum viewer_geometry {
-    /* Two texture coordinates in tiles, with +y along the texture's rows downwards. Then 1 + the
-     * number of the material, or 0 on a back face. */
+    /* [0] and [1]: texture coordinates in tiles, with +y along the texture's rows downwards. [2]: 1
+     * plus the number of the material, or 0 on a back face. */
     VIEWER_GEOMETRY_TEXEL,
     /* Unit vector towards the eye, in the local frame. */
     VIEWER_GEOMETRY_VIEW,
     /* Unit vector towards the lamp, in the local frame. */
     VIEWER_GEOMETRY_LIGHT,
-    /* First the share of the lamp's light that arrives, 0 … 1. For a near lamp, this share is
+    /* [0]: the share of the lamp's light that arrives, 0 … 1. For a near lamp, this share is
      * multiplied by the irradiance on a surface that faces the lamp, relative to the irradiance at
-     * the origin. Then the distance from the mesh along the ray to the structure. Then the distance
+     * the origin. [1]: the distance from the mesh along the ray to the structure. [2]: the distance
      * from the eye to the mesh. */
     VIEWER_GEOMETRY_LIT,
 };
-/* Returns three values of each sample of a picture of viewer_render_linear(), with which the sample
- * can be shaded elsewhere: width × height × 4 floats, top row first. The fourth float is that of
- * viewer_render_linear(). The lamp is the first lamp. If the first lamp is off, it is the first of
- * the further lamps, if there is one. Free the result with g_free(). */
+/* Returns values with which each sample of a picture of viewer_render_linear() can be shaded
+ * elsewhere: width × height × 4 floats, top row first. Three floats are the values that `which`
+ * names. The fourth float is that of viewer_render_linear(). The lamp is the first lamp. If the
+ * first lamp is off, it is the first of the further lamps, if there is one. Free the result with
+ * g_free(). */
 float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error);
 

@@ -9,16 +9,17 @@
 
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 /* A further lamp, infinitely far away or near. The light of a near lamp decreases with the square
- * of the distance, and comes from a different direction at each point. As for the first lamp,
- * brightness 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near
- * lamp, this diffuser is at the origin. */
+ * of the distance, and comes from a different direction at each point.
+ *
+ * As for the first lamp, brightness 1 gives the radiance 1 to a white diffuser that is lit along
+ * its normal. For a near lamp, this diffuser is at the origin. */
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction of the lamp from the origin */
     float rgb[3];
     double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
-    /* cone_deg is half the angle of a near lamp's cone of light. If it is 0, the lamp shines in all
-     * directions. inner_deg is half the angle of the inner cone, in which the light does not
-     * decrease towards the edge (KHR_lights_punctual). */
+    /* `cone_deg` is half the angle of a near lamp's cone of light; 0 if the lamp shines in all
+     * directions. `inner_deg` is half the angle of the inner cone, within which the light has full
+     * strength (KHR_lights_punctual). */
     double cone_deg, inner_deg;
     /* a point on the axis of the cone, in radii of the mesh; not the position of the lamp */
     double aim[3];
@@ -31,7 +32,7 @@ struct viewer_settings {
     /* Distance from the point that the camera looks at, in radii of the mesh; 0 means that the mesh
      * just fits into the picture. */
     double camera_distance;
-    /* Offset of the point that the camera looks at from the origin, to the right and up, in radii
+    /* Offset from the origin to the point that the camera looks at: to the right and up, in radii
      * of the mesh. */
     double camera_pan[2];
     double camera_fov_deg;                 /* field of view along the picture's shorter side */
@@ -50,14 +51,14 @@ struct viewer_settings {
      * scale. */
     double exposure_ev;
     /* Radiance of an even sky, relative to the light's irradiance / π. The light of the sky is
-     * added everywhere. In a shadow it is the only light: ambient / π · L_a with L_a = ∫ T dω of
-     * Wang et al. 2005 §4.2. In the paper, L_a is only added in shadows. */
+     * added everywhere. In a shadow, it is the only light: ambient / π · L_a, with L_a = ∫ T dω of
+     * Wang et al. 2005 §4.2. In the paper, L_a is added only in shadows. */
     double ambient;
     int samples; /* number of samples of a pixel in each direction */
     struct method_style style;
-    /* With silhouettes, a ray that misses the structure shows the surface behind it (Wang et al.
-     * 2005 §4.1). Silhouettes need an MDF (viewer_set_mdf()). With shadows, the mesh casts shadows.
-     * With both, the structure also casts and receives shadows (§4.2). */
+    /* `silhouettes`: a ray that misses the structure shows the surface behind it (Wang et al. 2005
+     * §4.1). This needs an MDF (viewer_set_mdf()). `shadows`: the mesh casts shadows. If both are
+     * set, the structure also casts and receives shadows (§4.2). */
     gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
     /* With silhouettes by the shell, measured views are moved along the surface before they are
