@@ -1,25 +1,27 @@
-// Interpolation between measured views along the surface, after the shell has said where a ray
-// ends. If all views were read at the same texel, each view would show another point of the
-// surface, and the mixture would have ghosts. Here each view k is read at the texel x_k in which
-// this view sees the end p of the ray. p is at depth z below the foot f:
+// Interpolation between measured views along the surface. Before this, the shell has shown where a
+// ray ends. If all views were read at the same texel, each view would show another point of the
+// surface, and the mixture would have ghosts. Instead, each view k is read at the texel x_k in
+// which this view sees the end p of the ray. p is at depth z below f, the point of the mesh that is
+// nearest to p:
 //
-//   x_k = f + z · tangent of v_k             (xy of v_k divided by its z)
-//   q_k = (z − z_k(x_k)) / v_k.z / T         z_k: depths of the MDF; T: a texel
-//   s_k = 1 for |q_k| ≤ 1, 2 − |q_k| to 2, 0 beyond
+//   x_k = f + z · (xy of v_k) / v_k.z        v_k: direction of view k
+//   q_k = (z − z_k(x_k)) / v_k.z / T         z_k: depths of the MDF; T: size of a texel
+//   s_k = 1 for |q_k| ≤ 1, 2 − |q_k| for 1 < |q_k| < 2, and 0 for larger |q_k|
 //   B(p, v, l) = Σ_k w_k B(x_k, v_k, l) / Σ_k w_k
 //   w_k = max(b_k − DROPPED, 0) (v_k.z)^SHORTER (s_k + UNSEEN)
 //
-// b_k are barycentric weights of the direction v in the triangulation of the measured views. This
-// is what mdf/reprojection.h computes, with the views of one triangle and bilinear filters.
+// b_k are barycentric weights of the direction v in the triangulation of the measured views.
+// mdf/reprojection.h computes the same, but with more views and with other filters. Here the views
+// of one triangle and bilinear filters are used.
 uniform usampler2D along_indices; // views of the triangle around a direction; see directions.glsl
 uniform sampler2D along_weights;
 uniform sampler2D along_views;       // v_k
 uniform sampler2DArray along_depths; // depths as shares of along_mm, a layer per view
 uniform float along_mm;
 
-// A view with less weight than DROPPED is not evaluated. This saves a third of the time that three
-// views take. Because of UNSEEN, the result is a mean of all views where no view sees p. SHORTER is
-// that of mdf/reprojection.c.
+// DROPPED: a view with less weight than this is not evaluated, which saves a third of the time that
+// three views take. UNSEEN: where no view sees p, the result is a mean of all views. SHORTER: the
+// same constant as in mdf/reprojection.c.
 const float DROPPED = 0.2, UNSEEN = 0.05, SHORTER = 0.7;
 
 vec3 shade_along(mat3 frame, ray_end end, float places_level, vec3 p, float lit) {

@@ -1,6 +1,6 @@
-// Converts the way of a ray below a curved mesh to a way through the flat sample. The surfaces of
-// equal depth below the mesh are parallel to the mesh. The length of a step of 1 in a texture
-// coordinate changes along the mesh.
+// Converts the way of a ray below a curved mesh to a way through the flat sample. Surfaces of equal
+// depth below the mesh are parallel to the mesh. The length of a step of 1 in a texture coordinate
+// changes along the mesh.
 in vec2 tile_size;
 in vec3 bending;
 in vec4 stretching;
@@ -28,24 +28,25 @@ struct marched {
     float mm;    // length of the last step in the flat sample, mm
 };
 
-// Returns the velocity of the foot if the ray moves with velocity w parallel to the tangent plane:
-// (1 − depth · B)⁻¹ w, with the second fundamental form B of the mesh (parallel surfaces).
+// Returns the velocity of the foot if the ray moves with the velocity w parallel to the tangent
+// plane. This velocity is (1 − depth · B)⁻¹ w. B (the argument b) is the second fundamental form of
+// the mesh.
 vec2 foot_step(mat2 b, vec2 w, float depth) {
     float trace = b[0][0] + b[1][1];
     float det = 1.0 - depth * trace + depth * depth * (b[0][0] * b[1][1] - b[0][1] * b[1][0]);
     return det > 0.05 ? ((1.0 - depth * trace) * w + depth * (b * w)) / det : w;
 }
 
-// Returns the factors by which the lengths of a step of 1 in u and in v have changed at the foot,
-// relative to where the ray enters.
+// Returns two factors: how much longer a step of 1 in u and in v is at the foot than where the ray
+// enters.
 vec2 grown_at(vec2 foot) {
     return clamp(1.0 + vec2(dot(stretching.xy, foot), dot(stretching.zw, foot)), MIN_GROWN,
                  MAX_GROWN);
 }
 
 // Moves the ray further by dt, by the midpoint rule. The direction in the frame changes because the
-// frame turns. It turns about an axis in the tangent plane because of B, and about the normal
-// because the lines of equal u and v bend.
+// frame turns. The frame turns about an axis in the tangent plane because the mesh is curved (b).
+// It also turns about the normal because the lines of equal u and v bend.
 void march(inout marched m, mat2 b, vec3 mm, float dt) {
     vec2 turn = b * foot_step(b, m.along, m.depth);
     vec2 along = m.along + 0.5 * dt * m.down * turn;
@@ -69,20 +70,20 @@ void march(inout marched m, mat2 b, vec3 mm, float dt) {
 #if CURVED
 uniform bool curved; // if FALSE, the ray ends where it enters
 const int END_STEPS = 3;
-const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and the v of a ray_end
+const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and ray_end.v
 
-// The end of a ray. A straight ray that enters the flat sample at texel, in the direction
-// opposite to v, ends at the same point of the sample.
+// The end of a ray. A straight ray that enters the flat sample at `texel` and goes in the direction
+// −v ends at the same point of the sample.
 struct ray_end {
     vec2 texel;
     vec3 v;
     mat3 turn;      // rotation from the frame where the ray enters to the frame at its end
     vec2 foot;      // point of the mesh nearest to the end, in tiles
-    float depth_mm; // of the end, below the reference plane of the flat sample
+    float depth_mm; // depth of the end below the reference plane of the flat sample
 };
 
-// Returns the end of a ray that goes into the mesh by the distance way. v is the direction towards
-// the eye where the ray enters.
+// Returns the end of a ray that goes on below the mesh for the distance `way`. v is the direction
+// towards the eye where the ray enters.
 ray_end find_end(vec3 v, float way) {
     ray_end end = ray_end(texel, v, mat3(1.0), texel, 0.0);
     if (!curved)

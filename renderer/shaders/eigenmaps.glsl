@@ -17,8 +17,9 @@ void btf_prepare(vec3 v, vec3 l, float lit) {
         direction_shares(light_indices, light_weights, l, light_index) * step(0.0, l.z) * lit;
 }
 
-// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. E_i is interpolated
-// between up to four measured lights. W_i is looked up in a table over the hemisphere.
+// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. The eigen-maps E_i are
+// interpolated between up to four measured lights. The weights W_i are read from a table over the
+// hemisphere.
 vec3 btf_texel(vec2 x) {
     vec3 sum = vec3(0.0);
     for (int first = 0; first < n_terms; first += 4) {

@@ -1,9 +1,11 @@
 // Eigen-maps in a 3D texture (Wang et al. 2005 §5); see eigenmaps_volume.h.
 //   BTF(x, v, l) = Σ_i W_i(v) ((1 − s) E(x, a_i) + s E(x, b_i))
+// W_i is the weight of term i. a_i and b_i are the slices of term i on the two nearest rings of
+// lights, and s is the position of the light between these rings.
 uniform sampler3D maps_volume;
 uniform sampler2DArray view_weights;
 uniform int n_terms;
-uniform int n_slices; // slices of a term; the last one has the light of an even sky
+uniform int n_slices; // number of slices of a term; the last slice is for the light of an even sky
 uniform int light_rings;
 uniform vec4 light_ring[16]; // see gl/ring_slices.h
 

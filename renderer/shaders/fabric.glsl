@@ -1,9 +1,9 @@
 // A plain weave. Warp and weft yarns cross each other, and their directions and colours alternate
-// (Kang & Cho 2011 §IV.B). A yarn bends down at its sides and where it passes under the next one;
+// (Kang & Cho 2011 §IV.B). A yarn bends down at its sides, and where it passes under another yarn;
 // see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
-// number of yarns per tile in each direction, slope across a yarn, slope along a yarn
+// x: number of yarns per tile in each direction; y: slope across a yarn; z: slope along a yarn
 uniform vec3 weave;
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {

@@ -1,6 +1,7 @@
-// Ward or Ashikhmin–Shirley with the normal and the tangent that were fitted to the texel (Kang &
-// Cho 2011). Page 0 is diffuse and U, page 1 is specular and V, page 2 is the normal, and page 3 is
-// the tangent. The azimuth of the tangent is the direction of U on the surface.
+// Ward's or Ashikhmin and Shirley's model, with the normal and the tangent that were fitted to the
+// texel (Kang & Cho 2011). The azimuth of the tangent is the direction of U on the surface. Page 0
+// has the diffuse colour and U. Page 1 has the specular colour and V. Page 2 has the normal, and
+// page 3 has the tangent.
 vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l) {
     vec4 diffuse = page(texel, 0, 0), specular = page(texel, 0, 1);
     vec3 n = page(texel, 0, 2).xyz;

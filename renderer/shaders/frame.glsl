@@ -9,7 +9,7 @@ uniform float ambient_light; // radiance of the even sky
 
 out vec4 colour;
 
-float ambient; // ambient_light, or 0 while a further lamp is evaluated
+float ambient; // radiance of the sky for this evaluation: ambient_light, or 0 for a further lamp
 
 // Returns the matrix from world to local coordinates. Its rows are the tangent t, the bitangent b
 // and the normal n. b is the direction of the texture's +y, which is n × t or −n × t.

@@ -7,13 +7,13 @@ uniform vec3 lamp_colours[MAX_LAMPS];
 
 #ifdef NEAR_LAMPS
 uniform vec4 lamp_places[MAX_LAMPS]; // w = 1: position; w = 0: unit vector towards a far lamp
-// For a spot lamp: xyz is the direction along the axis in which the lamp shines, and w is −cos
-// outer. All four values are divided by (cos inner − cos outer). For other lamps, xyz is 0 and w is
-// 1.
+// The cone of a spot lamp. xyz is the direction in which the lamp shines, and w is −cos outer,
+// where `outer` is half the angle of the cone. All four values are divided by (cos inner − cos
+// outer), where `inner` is half the angle of the inner cone. For other lamps, xyz is 0 and w is 1.
 uniform vec4 lamp_cones[MAX_LAMPS];
 
 // Returns the unit direction from p towards lamp k. shines is the irradiance at p on a surface that
-// faces the lamp. It is relative to the irradiance at the origin that the lamp would give without a
+// faces the lamp, relative to the irradiance that the lamp would give at the origin if it had no
 // cone. It decreases with the square of the distance.
 vec3 towards_lamp(int k, vec3 p, out float shines) {
     vec4 place = lamp_places[k], cone = lamp_cones[k];
@@ -39,9 +39,10 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 #if LAMP_SHADOWS
 uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp
 
-// For a far lamp: the unit vector of the map's +x, like shadow_right. For a near lamp: x is the
-// tangent of half the angle of a map. y is the bias, relative to the distance. z is the layer of
-// the second of a cube's six faces, or −1 if the lamp has a single map around its axis.
+// For a far lamp: the unit vector of the map's +x, like shadow_right. For a near lamp:
+// - x is the tangent of half the angle of a map.
+// - y is the bias, relative to the distance.
+// - z is the layer of the second face of a cube, or −1 if the lamp has only one map.
 uniform vec3 further_right[MAX_LAMPS];
 uniform vec3 further_range; // shadow_range (shadow.glsl) for far lamps
 

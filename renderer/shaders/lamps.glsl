@@ -25,10 +25,10 @@ vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #endif
 }
 
-// Returns the radiance of a point p, which shows the sample at these places, under the first lamp,
-// the even sky and all further lamps. lit is the share of the first lamp's light that arrives. In
-// the shadow of all lamps, only the light of the sky remains: ambient / π · L_a (Wang et al. 2005
-// §4.2). NO_FIRST_LAMP is defined if the first lamp and the sky give no light.
+// Returns the radiance of a point p under the first lamp, the even sky and all further lamps. `at`
+// are the places of the sample that p shows. lit is the share of the first lamp's light that
+// arrives. In the shadow of all lamps, only the light of the sky remains: ambient / π · L_a (Wang
+// et al. 2005 §4.2). NO_FIRST_LAMP is defined if the first lamp and the sky give no light.
 vec3 shade(mat3 frame, places at, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
     vec3 sum = vec3(0.0);
@@ -44,8 +44,8 @@ vec3 shade(mat3 frame, places at, vec3 v, vec3 p, float lit) {
     }
 #endif
 #ifdef NEAR_LAMPS
-    sum = min(sum, vec3(6e4)); // below the limit of half floats: the light of a near lamp has no
-                               // limit close to the lamp
+    // close to a near lamp, light grows without limit; half floats end at about 6.5e4
+    sum = min(sum, vec3(6e4));
 #endif
     return sum;
 }

@@ -5,8 +5,8 @@ layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 out vec4 seen;
 
-// Returns the distance of the nearest back face beyond z, or 1e30 if there is none, and the
-// distance from this face back to the structure.
+// Finds the nearest back face beyond z. Returns its distance from the eye, and the distance from
+// this face back to the structure. The first value is 1e30 if there is no such face.
 vec2 find_back(uint head, float z) {
     vec2 back = vec2(1e30, 0.0);
     for (uint at = head; at != 0u; at = faces[at - 1u].next) {

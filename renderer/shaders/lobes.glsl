@@ -24,8 +24,8 @@ float lobe(vec4 xyzn, vec3 w) {
     return c > 0.0 ? pow(c, xyzn.w) : 0.0;
 }
 
-// Returns the reflectance of a texel in one slice, or the mean of the pole's views if slice is
-// n_slices. The result is clamped to 0, because polynomials may be negative.
+// Returns the reflectance of a texel in a slice. If slice is n_slices, returns the mean of the
+// views that stand for the pole. The result is clamped to 0, because polynomials may be negative.
 vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
 #if SLICED
     if (slice >= n_slices) {

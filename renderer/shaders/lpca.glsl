@@ -1,5 +1,5 @@
-// Eigen-BRDFs as measured, for all nine pairs of the three views and the three lights around v and
-// l (Schneider 2004 §5):
+// Eigen-BRDFs as measured, mixed for the three measured views around v and the three measured
+// lights around l. These are the nine pairs (a, b) (Schneider 2004 §5):
 //   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
 uniform sampler2DArray brdfs;     // x: light · (components + 1) + component; y and layer: see row
                                   // in evaluate()
@@ -16,9 +16,8 @@ uniform sampler2DArray
     skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
-// views has the indices of the three measured views around v. lights has the first columns of
-// the three measured lights around l. g are the barycentric weights of the views, and h those of
-// the lights.
+// views: indices of the three measured views around v; g: their barycentric weights. lights: first
+// columns of the three measured lights around l; h: their barycentric weights.
 ivec3 views, lights;
 vec3 g, h;
 
@@ -31,8 +30,8 @@ void prepare(vec3 v, vec3 l, float lit) {
     lights = indices(light_indices, l) * (N_COMPONENTS + 1);
     g = textureLod(view_weights, v, 0.0).rgb;
 #if ALONG
-    // v is a measured view (along.glsl). The other views have weights only because the cells of the
-    // cube map have a size.
+    // Here v is a measured view (along.glsl), so only this view should have a weight. The other
+    // views have small weights, because the weights are those of a whole cell of the cube map.
     g *= step(0.01, g);
     g /= dot(g, vec3(1.0));
 #endif
@@ -48,7 +47,7 @@ vec3 one_pair(int column, ivec2 at, float share, vec4 w[N_PAGES]) {
 
 #if LOG
 // Converts c = (ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε)) to R, G, B. Y is the luminance, and ε
-// is LOG_OFFSET. The limit of c.x avoids overflow; no real material is so bright.
+// is LOG_OFFSET. c.x is limited to avoid overflow. The limit is brighter than any real material.
 vec3 reflectance(vec3 c) {
     float size = exp(min(c.x, 11.0)), y = size - LOG_OFFSET;
     vec2 rb = y + c.yz * size;

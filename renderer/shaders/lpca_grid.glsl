@@ -1,16 +1,17 @@
 // Eigen-BRDFs over a grid of the hemisphere's square, for views and for lights; see lpca_grid.h.
 uniform usamplerBuffer brdfs; // N_PAGES texels per sample
-uniform int n_grid;           // samples in each direction; the light cell n_grid² is an even sky
+// samples in each direction; the light with the index n_grid² is an even sky
+uniform int n_grid;
 
 // The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
-// The corners of the triangle around v in the cells of the even sky, and their weights times
-// ambient.
+// For the even sky: the corners of the triangle around v, and their weights times ambient.
 int sky_corners[3];
 float sky_shares[3];
 
-// Sorts two fractions in descending order, each with the address step along its coordinate.
+// Sorts two fractions in descending order. step_a and step_b are the address steps along their
+// coordinates, and are exchanged with the fractions.
 void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     bool swap = a < b;
     float less = min(a, b);
@@ -21,10 +22,10 @@ void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     b = less;
 }
 
-// Finds the simplex of the 4D grid cell that contains (v, l). The first corner of the simplex is
-// the first corner of the cell. Each further corner is one step along a coordinate from the corner
-// before, in descending order of the fractions r of the coordinates. The weights are 1 − r_1, r_1 −
-// r_2, …, r_4.
+// Finds the simplex that contains (v, l), in a cell of the 4D grid. The first corner of the simplex
+// is the first corner of the cell. Each further corner is one step along a coordinate from the
+// corner before. The coordinates are taken in descending order of the fractions r_1 ≥ r_2 ≥ r_3 ≥
+// r_4 of (v, l) within the cell. The weights of the corners are 1 − r_1, r_1 − r_2, …, r_4.
 void prepare(vec3 v, vec3 l, float lit) {
     vec4 place = vec4(square(v), square(l)) * float(n_grid - 1);
     vec4 base = min(floor(place), float(n_grid - 2)), r = place - base;

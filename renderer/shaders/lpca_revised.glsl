@@ -1,5 +1,7 @@
 // Eigen-BRDFs in a 3D texture (Schneider 2004 §6); see lpca_revised.h.
 //   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2)
+// S is the texture. (s_v, t_v) is the view and (s_l, t_l) the light, on the square of directions.
+// z1 and z2 are the slices for the light, and w is the weight of the second slice.
 uniform sampler3D means;       // half floats
 uniform sampler3D brdfs;       // signed bytes
 uniform samplerCube view_map;  // s_v, t_v

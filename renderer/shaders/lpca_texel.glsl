@@ -2,8 +2,8 @@
 // of a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS,
 // NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights; // four components per layer
-// clusters of a texel, of the texel to the right, of the texel below, and of the texel to the right
-// of that
+// clusters of four texels: this texel, the texel to the right, the texel below, and the texel below
+// and to the right
 uniform usampler2D clusters;
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
@@ -34,10 +34,10 @@ vec3 one_texel(vec2 x, int level) {
     return max(evaluate(cluster, 1.0, w) + sky_of(texel, level), vec3(0.0));
 }
 
-// Interpolates the reflectance bilinearly between the four texels around x. Within one cluster,
-// reflectance is linear in the weights. The weights of all texels of a cluster are therefore mixed,
-// and the cluster is evaluated once. Usually all four texels have the same cluster. With
-// logarithms, each texel is evaluated.
+// Interpolates the reflectance bilinearly between the four texels around x. Usually all four texels
+// have the same cluster. Within one cluster, reflectance is linear in the weights, so the weights
+// of its texels are mixed, and the cluster is evaluated once. With logarithms, each texel is
+// evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;

@@ -1,7 +1,7 @@
-// Transforms the half vector h to the frame of microfacets. Their normal n differs from the surface
-// normal z (Kang & Cho 2011). how is an enum method_rotation. Returns (w h_x², w h_y², h_n, w). The
-// exact rotation divides both tangent axes by √w, with w = 1 − n_y². facet_shine() does this
-// division.
+// Transforms the half vector h to the frame of microfacets with the normal n. n differs from the
+// normal z of the surface (Kang & Cho 2011). how is an enum method_rotation. Returns (w h_x², w
+// h_y², h_n, w). The exact rotation has w = 1 − n_y², and its tangent axes must be divided by √w.
+// facet_shine() does this division. For other rotations, w is 1.
 vec4 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)

@@ -29,9 +29,11 @@ vec3 prepared_v, prepared_l;
 float prepared_lit;
 vec4 prepared_rows[HIDDEN]; // contribution of the biases and planes to the first layer
 
-vec2 level_size; // width and height in texels of the level, which may lie between two levels
-float level;     // number of the level
-float level_top, level_range; // of the heights
+// width and height of the evaluated level in texels; the level may lie between two mip levels
+vec2 level_size;
+float level; // number of the evaluated level
+// largest height, and difference between the largest and the smallest height
+float level_top, level_range;
 
 float height_at(vec2 p) {
     float byte = textureLod(heights, p / level_size, level).r;
@@ -42,7 +44,8 @@ void set_level(vec2 x) {
     vec2 size = vec2(textureSize(surface, 0).xy);
     level = 0.0;
 #if N_LEVELS > 1 && !NEAREST
-    // A level within a quarter of an integer is rounded to it, so that most reads take one level.
+    // A level that is within a quarter of an integer is rounded to this integer. Most reads then
+    // take only one mip level.
     float exact = mip_level(x, textureSize(surface, 0).xy, N_LEVELS), whole = floor(exact);
     level = whole + clamp(2.0 * (exact - whole) - 0.5, 0.0, 1.0);
 #endif

@@ -1,6 +1,6 @@
 // Finds the nearest back faces beyond the back faces of the previous layer (Wang et al. 2005 fig.
-// 7): their distance from the eye, and the distance from the back face to the structure, back along
-// the ray.
+// 7). The result is the distance from the eye to the back face, and the distance along the ray from
+// the back face back to the structure.
 uniform sampler2D before; // result of the previous layer
 uniform sampler2D seen;   // surfaces found so far
 

@@ -1,8 +1,9 @@
 // The places of the sample that a point of the surface shows. Codecs, the MDF and everything else
-// that belongs to a texel are looked up at these places. PLACES 0: the sample is repeated. PLACES
-// 1: an index map gives the texel of the sample for each texel of the surface; see
-// gl/index_texture.h.
-// PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
+// that belongs to a texel are looked up at these places.
+// - PLACES 0: the sample is repeated.
+// - PLACES 1: an index map gives the texel of the sample for each texel of the surface; see
+//   gl/index_texture.h.
+// - PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
     int n;
     vec2 x[4];      // in tiles of the sample; with hexagons, x[0] is in the nearest hexagon
@@ -11,15 +12,15 @@ struct places {
 };
 
 #if PLACES || CURVED
-// Derivatives of the surface point, in tiles. Places and the ends of rays (curved.glsl) jump from
-// pixel to pixel, so derivatives of these would be meaningless.
+// Derivatives of the surface point, in tiles. They are computed here, because places and the ends
+// of rays (curved.glsl) jump from pixel to pixel, so that their derivatives would be meaningless.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x) place_dx
 #define PLACE_DY(x) place_dy
 #if PLACES_LEVEL
-// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. A level
-// within a quarter of an integer is rounded to it, so that one level is read instead of two.
-// llvmpipe does the same when it computes derivatives itself.
+// The mip level, for llvmpipe. llvmpipe takes longer for look-ups with explicit derivatives. A
+// level that is within a quarter of an integer is rounded to this integer, so that one mip level is
+// read instead of two. llvmpipe does the same when it computes derivatives itself.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
@@ -51,8 +52,8 @@ uniform ivec2 index_size;
 uniform int index_levels;
 uniform vec2 index_sample; // size of the sample in texels
 
-// Returns the shift, in texels, from a texel of the map to its texel of the sample. The map
-// repeats.
+// Returns the offset, in texels, from a texel of the map to the texel of the sample that it names.
+// The map repeats.
 vec2 index_shift(ivec2 texel, int level) {
     ivec2 inside = texel - index_size * ivec2(floor(vec2(texel) / vec2(index_size)));
     inside +=
@@ -63,8 +64,8 @@ vec2 index_shift(ivec2 texel, int level) {
     return vec2(from + inside - (block << level) - texel);
 }
 
-// Returns whether neighbouring texels of the map with these shifts are also neighbours in the
-// repeated sample.
+// Returns whether two neighbouring texels of the map are also neighbours in the repeated sample. a
+// and b are the results of index_shift() for these texels.
 bool index_same(vec2 a, vec2 b) {
     vec2 apart = (a - b) / index_sample;
     return all(lessThan(abs(apart - round(apart)), vec2(1e-4)));
@@ -76,8 +77,8 @@ void add_place(inout places at, vec2 x, float share) {
     at.n += share > 0.0 ? 1 : 0;
 }
 
-// Adds two neighbouring texels of a row or column of the map. If they are also neighbours in the
-// sample (same), they become one place between them.
+// Adds the places of two neighbouring texels of a row or column of the map. If the two texels are
+// also neighbours in the sample (`same`), one place between them is added.
 void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, vec2 shift_to,
               bool same, float share) {
     if (same) {
@@ -88,10 +89,11 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
     add_place(at, to + shift_to, part * share);
 }
 
-// Finds the places of a point. Level 0 is interpolated between four texels of the map. Texels that
-// are also neighbours in the sample are left to the sample's own filter. Most points therefore have
-// one place, and points at a seam have two to four. Coarser levels fit the size of the pixel, so
-// only the nearest texel is used.
+// Finds the places of a point. At level 0, four texels of the map are interpolated. If some of
+// these texels are also neighbours in the sample, they become one place, and the sample's own
+// filter interpolates between them. Most points therefore have one place. Points at a seam have two
+// to four places. At coarser levels, a texel of the map is as large as the pixel, so only the
+// nearest texel is used.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -146,7 +148,7 @@ int endless_turns(int a, int b) {
     return int(floor((float(a) + 0.5) / float(b)));
 }
 
-// Returns the position of a point in the part of the sample that the hexagon around a vertex shows.
+// Returns where a point lies in the sample, if the hexagon around a vertex shows the point.
 vec2 endless_look_up(vec2 x, ivec2 vertex) {
     int turn = endless_turns(vertex.y, endless_period.y);
     ivec2 inside = vertex + turn * ivec2(endless_period.y / 2, -endless_period.y);
@@ -157,8 +159,8 @@ vec2 endless_look_up(vec2 x, ivec2 vertex) {
     return clamp(at, endless_edge, 1.0 - endless_edge);
 }
 
-// Finds the vertices of the triangle around a point, the nearest first, and the nearness of the
-// point to each vertex.
+// Finds the three vertices of the triangle around a point, the nearest vertex first. near is how
+// close the point is to each vertex, as barycentric weights.
 void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     vec2 q = x * endless_cells, p = vec2(q.x - 0.5 * q.y, q.y), base = floor(p), f = p - base;
     int far = f.x + f.y > 1.0 ? 1 : 0;
@@ -181,8 +183,8 @@ places nearest_place(vec2 x) {
     return one_place(endless_look_up(x, vertices[0]));
 }
 
-// Finds the places of a point in up to three hexagons. Where hexagons blend, the last place stands
-// for the mean of the sample (ENDLESS_MEAN).
+// Finds the places of a point in up to three hexagons. Where hexagons blend, there is a further
+// place, the last one, which stands for the mean of the sample (ENDLESS_MEAN).
 places find_places(vec2 x, float level) {
 #if PLACES_NEAREST
     return nearest_place(x);

@@ -19,8 +19,8 @@ const int CHORDS = 3;
 uniform sampler3D mdf_volume; // distances of views, as shares of mdf_longest; see mdf_texture.h
 uniform float mdf_longest;
 uniform int mdf_rings;
-uniform vec4 mdf_ring[16]; // θ in rad, centre of the first slice, number of views, φ of the first
-                           // view in turns
+// θ in rad, centre of the first slice, number of views, and φ of the first view in turns
+uniform vec4 mdf_ring[16];
 #endif
 
 struct below {
@@ -29,9 +29,9 @@ struct below {
 };
 
 #ifndef MDF_SHELL
-// Returns the mip level for the axis of the screen along which the texture coordinates change less.
-// Near a contour they change without limit along the other axis, and a level for that axis would
-// smooth the relief away. A volume has only level 0.
+// Returns the mip level for one of the two axes of the screen: the axis along which the texture
+// coordinates change less. Near a contour, they change without limit along the other axis. A level
+// for that axis would smooth the relief away. A volume has only level 0.
 float level_of_detail() {
 #ifdef MDF_VOLUME
     return 0.0;
@@ -105,10 +105,10 @@ float depth_at(places at, vec3 d, float level) {
 #endif
 }
 
-// Returns the step on the mesh above a step x at this depth below a curved mesh. Along a principal
-// direction with curvature κ, the distance between two normals of the mesh changes by the factor 1
-// − depth · κ, so the step is divided by this factor. Below the depth at which normals meet,
-// returns x unchanged.
+// Returns the step on the mesh that lies above a step x, if x is at this depth below a curved mesh.
+// Along a principal direction with curvature κ, the distance between two normals of the mesh
+// changes with depth by the factor 1 − depth · κ. The step is therefore divided by this factor.
+// Below the depth at which normals meet, returns x unchanged.
 vec2 texture_step(vec2 x, float depth) {
     mat2 shrunk = mat2(1.0) - depth * mat2(bending.x, bending.y, bending.y, bending.z);
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
@@ -121,22 +121,24 @@ float bend_along(vec3 v) {
 }
 
 // Returns the distance after which a ray is as deep as the deepest structure, or 1e30 if the ray
-// never gets so deep. Under a mesh of normal curvature bend, a straight ray is at depth t v_z − ½
-// bend t² after a distance t. v is the unit vector outwards along the ray, in the frame of the
-// mesh.
+// never gets so deep. v is the unit vector outwards along the ray, in the frame of the mesh. With
+// the normal curvature κ of the mesh, a straight ray is at the depth t v_z − ½ κ t² after the
+// distance t.
 float way_to_base(vec3 v) {
     float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mesh_mm().z;
     float root = slope * slope - 2.0 * bend_along(v) * deepest;
     return root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : 1e30;
 }
 
-// Returns where a ray meets the structure and the base. The ray is the parabola of way_to_base().
-// The MDF is tabulated only for straight rays over a flat surface. Therefore CHORDS chords of this
-// parabola are tested, or one chord if the mesh is flat along the ray. All chords start where the
-// ray enters. The last chord ends where the ray is as deep as the deepest structure, or at the
-// deepest point of the ray. A chord lies above the parabola, so a structure that the chord meets
-// before its end is also met by the ray. Along the texture, a chord has the length that
-// texture_step() returns for its far end, at the depth chord · end.
+// Returns where a ray meets the structure, and where it meets the base. Seen from the mesh, the ray
+// is the parabola of way_to_base(). The MDF is known only for straight rays over a flat surface.
+// Therefore CHORDS chords of this parabola are tested, or one chord if the mesh is flat along the
+// ray.
+//
+// All chords start where the ray enters. The last chord ends where the ray is as deep as the
+// deepest structure, or at the deepest point of the ray. A chord lies above the parabola. If the
+// chord meets a structure before its end, the ray also meets this structure. Along the texture, a
+// chord has the length that texture_step() returns for its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = mesh_mm();
     mm.xy = straight ? mm.zz : mm.xy;

@@ -1,5 +1,5 @@
-// Averages samples × samples of the drawn picture, after exposure and tone curve, into one sRGB
-// pixel.
+// Averages samples × samples samples of the drawn picture into one sRGB pixel. Exposure and tone
+// curve are applied to each sample before the mean.
 uniform sampler2D drawn;
 uniform int samples;
 uniform float exposure;

@@ -10,16 +10,16 @@ const float STEP = 1.5;          // length of a step, in voxels along the textur
 const float BACK_STEP = 3.0;
 const int MIN_STEPS = 4, MAX_STEPS = 96;
 
-// Returns the mip level for the axis of the screen along which the texture coordinates change less,
-// as in relief.glsl.
+// Returns the mip level as in relief.glsl: for the axis of the screen along which the texture
+// coordinates change less.
 float level_of_detail() {
     vec2 size = vec2(textureSize(mdf_shell, 0).xy);
     vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
-// Returns g at x in the texture and at depth, which is a share of the depth of the shell. Mip
-// levels are coarser only along the texture.
+// Returns g at the place x of the texture. depth is a share of the depth of the shell. Mip levels
+// are coarser only along the texture, not along the depth.
 float shell_value(vec2 x, float depth, float layers, float level) {
     float w = clamp(depth * layers - 0.5, 0.0, layers - 1.0), upper = floor(w);
     return mix(textureLod(mdf_shell, vec3(x, upper), level).r,
@@ -57,9 +57,10 @@ float way_to_base(vec3 v) {
     return distance_to_depth(mdf_deepest * mesh_mm().z, max(v.z, MIN_SLOPE), bend_along(v, b));
 }
 
-// Returns where a ray meets the structure and the base. v is the unit vector outwards along the
-// ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. If the
-// ray leaves the mesh again, its other half is marched from its other end.
+// Returns where a ray meets the structure, and where it meets the base. v is the unit vector
+// outwards along the ray, in the frame of the mesh. The ray is marched to the base. If the ray does
+// not reach the base, it is marched to its deepest point. Its other half is then marched from the
+// face where it leaves the mesh.
 below below_mesh(vec3 v, float level) {
     if (mdf_deepest <= 0.0)
         return below(0.0, 1e30); // a smooth surface
@@ -75,9 +76,9 @@ below below_mesh(vec3 v, float level) {
     vec3 size = vec3(textureSize(mdf_shell, 0));
     vec3 voxels = vec3(size.xy / tile_size * abs(v.xy), size.z / deepest * slope);
     float longest = max(max(voxels.x, voxels.y), voxels.z) * (middle - from);
-    // Far from an edge of the mesh, a ray that goes to the base from one side also goes to the base
-    // from the other side. What is found from the back face then does not matter, and longer steps
-    // are enough.
+    // Far from an edge of the mesh, a ray that reaches the base from one side also reaches the base
+    // from the other side. The result for the back face then has no effect, so longer steps are
+    // enough.
     float step = !gl_FrontFacing && base == middle ? BACK_STEP : STEP;
     int n = clamp(int(ceil(longest / step)), MIN_STEPS, MAX_STEPS);
     float dt = (middle - from) / float(n), hit = base == middle ? base : 1e30, sum = 0.0;

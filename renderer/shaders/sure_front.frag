@@ -1,5 +1,5 @@
-// Finds front faces behind which the ray meets the structure for certain: it reaches the base of
-// the structure in the first half of its way to the nearest back face.
+// Finds front faces behind which the ray meets the structure for certain. This is so if the ray
+// reaches the base of the structure in the first half of its way to the nearest back face.
 uniform sampler2D exits; // result of exits.frag; 0 where there is no back face
 
 void main() {

@@ -10,8 +10,8 @@ vec3 srgb(vec3 x) {
                step(0.0031308, x));
 }
 
-// Returns a dither from −0.5 to 0.5, in steps of an 8-bit value, against banding (interleaved
-// gradient noise). The dither depends only on the pixel.
+// Returns a dither from −0.5 to 0.5, in steps of an 8-bit value. The dither prevents banding
+// (interleaved gradient noise), and depends only on the pixel.
 float noise(vec2 pixel) {
     return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) - 0.5;
 }

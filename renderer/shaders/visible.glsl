@@ -1,11 +1,12 @@
-// Decides which fragments are seen if silhouettes show the structure of the material; see
-// visibility.h.
+// Decides which fragments are seen if silhouettes show the structure of the material
+// (visibility.h).
 uniform sampler2D seen;   // r: distance from the eye to the mesh; g: from the mesh to the structure
 uniform bool silhouettes; // if FALSE, all fragments are seen
 uniform float slack;      // tolerance of distances from the eye
 
-// Returns the distance from the mesh along the ray to the structure, or 0 without silhouettes. With
-// silhouettes, discards the fragment if it is on a back face or is not what its pixel shows.
+// Returns the distance from the mesh along the ray to the structure. With silhouettes, discards the
+// fragment if it lies on a back face, or if the pixel shows another surface. Without silhouettes,
+// returns 0.
 float way_to_structure() {
     if (!silhouettes)
         return 0.0;
