@@ -15,15 +15,15 @@ struct reader {
 enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
     GArray *of[N_ATTRIBUTES +
-               1]; /* numbers of each attribute, then the indices; NULL if the primitive has none */
+               1]; /* numbers of each attribute, and the indices last; NULL if there are none */
 };
 
 static const float *row_of(const GArray *array, gsize k, int n) {
     return (const float *)(const void *)array->data + k * (gsize)n;
 }
 
-/* Adds vertex k of the primitive: its position and attributes. v is flipped, because v of glTF
- * increases downwards. */
+/* Adds vertex k of the primitive, with its position and attributes. The texture coordinate v is
+ * flipped, because v of glTF increases downwards. */
 static void add_vertex(struct reader *r, const struct gltf_transform *p, const struct attributes *a,
                        gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
@@ -77,7 +77,7 @@ static gboolean add_triangle(struct reader *r, const struct gltf_transform *p,
     return TRUE;
 }
 
-/* Adds triangles. mode is 4 for triangles, 5 for a strip, 6 for a fan. */
+/* Adds triangles. mode is that of glTF: 4 for triangles, 5 for a strip, 6 for a fan. */
 static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
                               const struct attributes *a, gint64 mode, GError **error) {
     const gsize n_vertices = a->of[POSITION]->len / 3;

@@ -107,7 +107,7 @@ static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError 
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
         const char *name = JSON_NODE_HOLDS_VALUE(node) ? json_node_get_string(node) : NULL;
-        /* Extensions of textures, materials and lamps are not relevant here. */
+        /* Extensions that are ignored: they only concern textures, materials and lamps. */
         if (name == NULL ||
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_equal(name, "KHR_lights_punctual") && !g_str_has_prefix(name, "EXT_texture_")))
@@ -295,7 +295,8 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
 static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, struct numbers *ret,
                              GError **error) {
     static const char *const shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-    /* Bytes of the component types 5120 to 5126: byte, ubyte, short, ushort, none, uint, float. */
+    /* Bytes of a number of the component types 5120 to 5126: byte, ubyte, short, ushort, none,
+     * uint, float. */
     static const int sizes[] = {1, 1, 2, 2, 0, 4, 4};
     JsonObject *accessor = gltf_item(gltf, "accessors", k, error);
     if (accessor == NULL)

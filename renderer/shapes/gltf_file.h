@@ -27,14 +27,15 @@ void gltf_clear(struct gltf *gltf);
  * Returns NULL with an error if there is no such element, or if the element is not an object. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
-/* Returns a member that is a whole number, or fallback if it is missing or anything else. */
+/* Returns a member that is a whole number. Returns fallback if there is no such member, or if it is
+ * not a whole number. */
 gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
 const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
-/* Returns the bytes of image k, from a buffer view, from the URI itself, or from a file below the
- * folder of the glTF file. Returns NULL with an error if there is none. */
+/* Returns the bytes of image k. They are in a buffer view, in the URI itself, or in a file below
+ * the folder of the glTF file. Returns NULL with an error if they cannot be found. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 
 /* Returns the numbers of an accessor as an array of float, n_components per element. Integers are

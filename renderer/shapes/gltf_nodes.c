@@ -39,8 +39,9 @@ gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint 
     return TRUE;
 }
 
-/* Returns a node's transform: its matrix, which the file stores column by column, or otherwise the
- * product of its translation, rotation and scale. */
+/* Returns the transform of a node. If the node has a matrix, this is the transform; the file stores
+ * it column by column. Otherwise the transform is the product of translation, rotation and scale.
+ */
 static struct gltf_transform transform(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
     struct gltf_transform p = identity;
@@ -116,7 +117,7 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
         const struct gltf_transform p = product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);
         if (mesh < 0 && json_object_has_member(node, "mesh"))
-            mesh = G_MAXINT; /* no file has a mesh of this number, so that its use gives an error */
+            mesh = G_MAXINT; /* no file has a mesh of this number, so visit() fails with an error */
         if (!walk->visit(walk->gltf, &p, node, mesh, walk->data, error) ||
             !visit_nodes(walk, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;

@@ -19,24 +19,25 @@ double gltf_determinant(const struct gltf_transform *p);
  * an array. Some elements of values may then be set. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
-/* Called for a node, or for a mesh of a file without scenes. p transforms from the node to the
- * world. node is NULL for a mesh of a file without scenes. mesh is the index of the mesh, or −1 if
- * the node has none. Returns FALSE with an error on failure. */
+/* Called for each node. If the file has no scenes, it is called for each mesh instead, with node
+ * NULL. p transforms from the node to the world. mesh is the index of the mesh, or −1 if the node
+ * has none. Returns FALSE with an error on failure. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
-/* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a
- * call fails. */
+/* Calls visit for every node of the file's scene. If there is no scene, calls visit for every mesh.
+ * Stops and returns FALSE when a call fails. */
 gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **error);
 
 /* Called for a primitive of a mesh. Returns FALSE with an error on failure. */
 typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer data,
                             GError **error);
-/* Calls use for every primitive of a mesh, until a call fails. */
+/* Calls use for every primitive of a mesh. Stops and returns FALSE when a call fails. */
 gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
                              GError **error);
 
-/* Adds the triangles of a primitive, transformed by p. Points and lines have no triangles. If bare
- * is TRUE, the primitive may lack texture coordinates, which are then 0. */
+/* Adds the triangles of a primitive, transformed by p. Adds nothing for points and lines. If the
+ * primitive has no texture coordinates, the function fails if bare is FALSE, and sets them to 0 if
+ * bare is TRUE. */
 gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
                             JsonObject *primitive, enum scene_up up, gboolean bare,
                             struct soup *soup, GError **error);

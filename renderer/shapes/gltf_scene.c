@@ -14,7 +14,7 @@ struct gltf_loading {
 };
 
 /* Returns a member as a number, clamped to least … most. Returns fallback if there is no such
- * member or no finite number. */
+ * member, or if it is not a finite number. */
 static double number(JsonObject *object, const char *name, double fallback, double least,
                      double most) {
     JsonNode *node = object != NULL ? json_object_get_member(object, name) : NULL;
@@ -54,8 +54,8 @@ static struct gltf_material read_material(JsonObject *from) {
     return ret;
 }
 
-/* Reads the base colour texture of a material. Returns FALSE with an error if the file names a
- * texture or picture that cannot be read. */
+/* Reads the base colour texture of a material. Returns FALSE with an error if the entries of the
+ * texture or of its picture in the file are wrong. */
 static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct gltf_material *ret,
                              GError **error) {
     static const char *const axes[2] = {"wrapS", "wrapT"};
@@ -98,8 +98,8 @@ static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GErr
     return TRUE;
 }
 
-/* Computes the unit direction of a node's axis in the world. Returns FALSE if the node's scale
- * makes the axis vanish. */
+/* Computes the unit direction in the world of an axis of a node. Returns FALSE if the scale of the
+ * node reduces the axis to length 0. */
 static gboolean node_axis(const struct gltf_transform *p, int axis, double sign, double ret[3]) {
     float unit[3] = {0.0F, 0.0F, 0.0F}, moved[3];
     unit[axis] = (float)sign;
@@ -122,8 +122,8 @@ static void node_position(const struct gltf_transform *p, double ret[3]) {
         ret[c] = moved[c];
 }
 
-/* Reads a camera. Only the first camera in perspective is kept. The −z of a camera or lamp points
- * at the scene. */
+/* Reads a camera. Only the first perspective camera of the file is kept. In glTF, the axis −z of a
+ * camera or lamp points at the scene. */
 static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, gint64 k,
                             struct gltf_scene *scene, GError **error) {
     JsonObject *from = gltf_item(gltf, "cameras", k, error);

@@ -14,20 +14,20 @@
 
 #define GLTF_SCENE_MAX_LENGTH 1e6 /* largest absolute value of a coordinate */
 
-/* The continuation of a texture beyond its edges. */
+/* How a texture continues beyond its edges. */
 enum gltf_wrap { GLTF_WRAP_REPEAT, GLTF_WRAP_CLAMP, GLTF_WRAP_MIRROR };
 
-/* pbrMetallicRoughness, with KHR_materials_specular and KHR_materials_emissive_strength. */
+/* A material: glTF's pbrMetallicRoughness, with KHR_materials_specular and
+ * KHR_materials_emissive_strength. */
 struct gltf_material {
     char *name; /* "" if the file has none */
     float base[3], metallic, roughness;
     float specular;    /* specularFactor; 0 means that non-metals have no surface reflection */
     float emission[3]; /* radiance that its front side emits */
-    /* The file of the base colour texture. `base` is multiplied by this texture. NULL if there is
-     * none. */
+    /* Bytes of the file of the base colour texture, which multiplies `base`. NULL if there is none.
+     */
     GBytes *picture;
-    /* Reason why the file of the texture could not be read. NULL if it was read, or if there is no
-     * texture. */
+    /* Reason why the file of the texture could not be read. NULL if there is no such reason. */
     char *unread;
     enum gltf_wrap wrap[2]; /* of the picture, along u and v */
 };
@@ -37,24 +37,24 @@ struct gltf_part {
     struct mesh *mesh;
     int material; /* index into materials, or −1 for glTF's default material */
     gboolean
-        texture; /* whether the file has texture coordinates of the mesh, which are otherwise 0 */
+        texture; /* whether the mesh has texture coordinates in the file; otherwise they are 0 */
 };
 
 /* the kinds of KHR_lights_punctual */
 enum gltf_lamp_kind { GLTF_LAMP_DIRECTIONAL, GLTF_LAMP_POINT, GLTF_LAMP_SPOT };
 struct gltf_lamp {
     enum gltf_lamp_kind kind;
-    double position[3], towards[3]; /* `towards` is the unit vector along which the light goes */
-    /* Irradiance of a directional lamp, radiant intensity of others. */
+    double position[3], towards[3]; /* `towards`: unit vector along which the light goes */
+    /* Irradiance of a directional lamp. Radiant intensity of a point lamp or spot lamp. */
     double rgb[3];
-    /* Cosines of the half-angles of a spot lamp's cones. Within the inner cone the light is full.
-     * Outside the outer cone there is no light. */
+    /* Cosines of half the angle of a spot lamp's inner cone and outer cone. Within the inner cone,
+     * the light has full strength. Outside the outer cone, there is no light. */
     double inner_cos, outer_cos;
 };
 
 struct gltf_camera {
-    /* `eye` is the position. The others are unit vectors. `back` points from the scene to the
-     * camera. */
+    /* `eye` is the position. `right`, `up` and `back` are unit vectors. `back` points from the
+     * scene to the camera. */
     double eye[3], right[3], up[3], back[3];
     double fov_y_rad;
 };

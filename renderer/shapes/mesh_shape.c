@@ -6,13 +6,15 @@
 
 #define MIN_SCALE 1e-6f
 
-/* Sums over the triangles around a vertex. bend = (L, M, N) is fitted by least squares to the
- * changes of the normal along the edges of the triangles: L a + M b = p and M a + N b = q. (a, b)
- * is an edge, and (p, q) is the change of the normal, both along the tangent and the bitangent. */
+/* Sums over the triangles around a vertex. `bend` of struct vertex_shape, (L, M, N), is fitted by
+ * least squares to the changes of the normal along the edges of the triangles: L a + M b = p and M
+ * a + N b = q. (a, b) are the components of an edge along tangent and bitangent, and (p, q) those
+ * of the change of the normal. The members aa, ab, bb, pa, pb_qa and qb are sums of products of a,
+ * b, p and q. */
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;
-    double ga[2], gb[2]; /* ga sums the changes of ln scale times a, and gb sums them times b */
+    double ga[2], gb[2]; /* sums of the change of ln scale times a (ga) and times b (gb) */
 };
 
 /* Adds the lengths of dP/du and dP/dv, weighted by the triangle's area. */
@@ -37,8 +39,8 @@ static void add_scale(const struct vertex *const v[3], struct sums *const sums[3
     }
 }
 
-/* Computes the bitangent of a vertex, and the components of an edge along the tangent and the
- * bitangent. */
+/* Computes the bitangent of a vertex, and sets ret to the components of an edge along the tangent
+ * and the bitangent. */
 static void components(const struct vertex *at, const float edge[3], float ret_bitangent[3],
                        double ret[2]) {
     float3_cross(at->normal, at->tangent, ret_bitangent);
@@ -65,8 +67,8 @@ static void add_edge(const struct vertex *at, const struct vertex *from, const s
     sums->qb += q * b;
 }
 
-/* Computes bend from the normal equations (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa,
- * pb + qa, qb). */
+/* Computes bend = (L, M, N) from the normal equations
+ *     (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa, pb + qa, qb). */
 static void solve(const struct sums *s, float ret[3]) {
     double slack = 1e-9 * (s->aa + s->bb) + G_MINDOUBLE;
     double aa = s->aa + slack, bb = s->bb + slack, ab = s->ab;
@@ -80,7 +82,7 @@ static void solve(const struct sums *s, float ret[3]) {
             ret[k] = 0.0f;
 }
 
-/* Adds the change of ln scale from one end of an edge to the other. */
+/* Adds the change of ln scale along an edge to the sums ga and gb. */
 static void add_change(const struct mesh *mesh, const struct vertex_shape *shapes, guint32 at,
                        guint32 from, guint32 to, struct sums *sums) {
     float edge[3], side[3];
@@ -94,8 +96,8 @@ static void add_change(const struct mesh *mesh, const struct vertex_shape *shape
     }
 }
 
-/* Computes stretch: solves (aa, ab; ab, bb) (∂t, ∂b) = (ga, gb) for both scales. ∂t and ∂b are the
- * derivatives of ln scale along tangent and bitangent. */
+/* Computes stretch from (aa, ab; ab, bb) (∂t, ∂b) = (ga, gb), for each of the two scales. ∂t and ∂b
+ * are the derivatives of ln scale along tangent and bitangent. */
 static void solve_stretch(const struct sums *s, float ret[4]) {
     const double determinant = s->aa * s->bb - s->ab * s->ab;
     const double size = (s->aa + s->bb) * (s->aa + s->bb);

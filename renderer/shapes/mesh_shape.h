@@ -7,7 +7,8 @@
 #include "scene.h"
 
 struct vertex_shape {
-    /* |dP/du| and |dP/dv|: the length of a step of 1 in u or v (s of Wang et al. 2005). */
+    /* Lengths |dP/du| and |dP/dv| on the mesh of a step of 1 in u, and in v (s of Wang et al.
+     * 2005). */
     float scale[2];
     /* Second fundamental form (L, M, N) along tangent and bitangent. The normal curvature along the
      * unit direction (a, b) is L a² + 2 M a b + N b². This curvature is positive where the surface

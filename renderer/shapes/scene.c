@@ -57,8 +57,9 @@ static void knot_curve(double t, double ret[3]) {
     ret[2] = sin(3.0 * t);
 }
 
-/* Computes a point of the knot. The normal of the tube is perpendicular to its centre line, which
- * is nowhere vertical. b is the angle around the tube, from its upper side. */
+/* Computes a point of the knot and its normal. u is the position along the centre line of the tube,
+ * and b the angle around the tube, from its upper side. The directions around the tube are
+ * perpendicular to the centre line, which is nowhere vertical. */
 static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
                     double ret_normal[3]) {
     double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
@@ -193,8 +194,8 @@ static double twice_area(const double a[3], const double b[3]) {
 }
 
 /* Adds a square floor at the height of the lowest point of the mesh. half_width is half the width
- * of the floor, in radii of the mesh. If the mesh has tiles_u × tiles_v tiles, the tiles of the
- * floor are square, and have the mean size of the mesh's tiles. */
+ * of the floor, in radii of the mesh. The tiles of the floor are square. They have the mean size of
+ * the mesh's tiles if the mesh has tiles_u × tiles_v tiles. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
     double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums of areas on the mesh, and in u and v */
@@ -225,7 +226,7 @@ static void scene_add_floor(struct mesh *mesh, double half_width) {
         double x = k & 1 ? half : -half, y = k & 2 ? half : -half;
         *v = (struct vertex){.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}};
         set3(v->position, x, y, low);
-        /* tiles_u and tiles_v also multiply the coordinates of the floor. */
+        /* Renderers multiply the coordinates of the floor, too, by tiles_u and tiles_v. */
         v->uv[0] = x / tile / mesh->tiles_u;
         v->uv[1] = y / tile / mesh->tiles_v;
     }

@@ -13,8 +13,9 @@
 GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
-    /* The file is neither OBJ nor glTF, or it is damaged, or all its positions are the same. Or
-     * --material names a material that the file does not have, or names a material twice. */
+    /* The file is neither OBJ nor glTF, or it is damaged, or all its positions are the same. Also:
+     * an option --material names a material that the file does not have, or two options name the
+     * same material. */
     SCENE_ERROR_FORMAT,
     SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
@@ -45,12 +46,12 @@ struct mesh {
     guint n_indices;
     float radius;            /* largest distance of a point from the origin, without the floor */
     double tiles_u, tiles_v; /* suggested number of tiles */
-    /* The last vertices and indices belong to a floor. The floor receives shadows and casts none.
-     * It may extend beyond the radius and beyond the picture. */
+    /* The last vertices and indices belong to a floor. The floor receives shadows, but casts none.
+     * It may extend beyond `radius` and beyond the picture. */
     guint n_floor_vertices, n_floor_indices;
-    /* The parts are in the order of the indices, and each index belongs to exactly one part. A part
-     * lies wholly in the floor or wholly outside it. If n_parts is 0, the whole mesh has material
-     * 0. */
+    /* The parts are in the order of the indices. Each index belongs to exactly one part. Each part
+     * lies either wholly in the floor or wholly outside it. If n_parts is 0, the whole mesh has
+     * material 0. */
     struct mesh_part *parts;
     guint n_parts;
 };
@@ -85,15 +86,15 @@ struct mesh *scene_plane(void);
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
 struct mesh *scene_sphere(void); /* radius 1; u increases around z, v from bottom to top */
 
-/* Reads a Wavefront OBJ: v, vt, vn and f with any number of corners (convex polygons). Negative
- * indices are allowed. Other statements are ignored. Missing normals are computed. The mesh is
- * centred and scaled to radius 1. */
+/* Reads a Wavefront OBJ with the statements v, vt, vn and f. Other statements are ignored. A face
+ * may have any number of corners, and must be convex. Negative indices are allowed. Missing normals
+ * are computed. The mesh is centred and scaled to radius 1. */
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
 
-/* Reads a glTF 2.0 file, text or binary: the triangles of its scene, with the tangents of the file
- * if it has them. up is the vertical axis of the file, which is y by the standard. Buffers are
- * within the file, or in files in its folder. Everything else in the file is ignored. A file that
- * requires an extension (compression) is refused. */
+/* Reads the triangles of the scene of a glTF 2.0 file (text or binary), with the tangents of the
+ * file if it has them. Everything else in the file is ignored. up is the vertical axis of the file;
+ * by the standard, it is y. Buffers are within the file, or in files in its folder. A file that
+ * requires an extension (for example compression) is refused. */
 struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error);
 
 /* Does the same as scene_read_obj() with text in memory. text ends with NUL. name is for

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest difference of height in a floor, and largest distance of the sides of a floor from the
- * sides of the scene. Both are relative to the diagonal of the base of the scene. */
+/* Two limits for a floor, relative to the diagonal of the base of the scene: the largest difference
+ * of height within the floor, and the largest distance of its sides from the sides of the scene. */
 #define FLAT 1e-4
 
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error) {
@@ -66,8 +66,8 @@ static char *parts_names(const struct parts *p) {
     return g_string_free(names, FALSE);
 }
 
-/* Checks that each binding names a material of a mesh, and that all these meshes have texture
- * coordinates. */
+/* Checks that a mesh has the material of each binding, and that all meshes with these materials
+ * have texture coordinates. */
 static gboolean parts_check(const struct parts *p, const char *path, GError **error) {
     for (guint b = 0; b < p->n_bindings; b++) {
         gboolean found = FALSE;
@@ -135,7 +135,7 @@ static gboolean part_is_floor(const struct parts *p, const struct mesh *mesh) {
            high[0] >= p->high[0] - even && high[1] >= p->high[1] - even;
 }
 
-/* Finds the floor, and the box around everything else. */
+/* Finds the meshes of the floor, and the bounding box of all other meshes. */
 static void parts_find_floor(struct parts *p) {
     guint n_floors = 0;
     parts_box(p, TRUE);
@@ -148,7 +148,8 @@ static void parts_find_floor(struct parts *p) {
     parts_box(p, FALSE);
 }
 
-/* Appends all meshes of a material that belong to the floor, or all that do not. */
+/* Appends all meshes of a material that belong to the floor if of_floor is TRUE, or all that do
+ * not. */
 static void parts_append(const struct parts *p, int material, gboolean of_floor, struct mesh *to) {
     const guint first = to->n_indices;
     for (guint k = 0; k < p->scene->parts->len; k++) {

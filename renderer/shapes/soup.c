@@ -7,8 +7,8 @@
 
 struct builder {
     GArray *vertices, *indices, *corners, *next;
-    /* for each position, the last vertex that was made from it, or −1; `next` leads to the earlier
-     * vertices of the same position */
+    /* For each position, the last vertex that was made from this position, or −1. `next` leads from
+     * a vertex to the earlier vertices of the same position. */
     gint32 *first;
 };
 
@@ -106,8 +106,8 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
-/* Returns whether the winding of a polygon disagrees with the normals of its corners. The caller
- * then takes the normals as correct. */
+/* Returns whether the order of a polygon's corners contradicts the normals of the corners. The
+ * caller then takes the normals as correct. */
 static gboolean wound_backwards(const struct soup *soup, const struct soup_corner *corners, int n) {
     float face[3], sum = 0.0f;
     polygon_normal(soup, corners, n, face);
@@ -119,9 +119,9 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
     return sum < 0.0f;
 }
 
-/* Returns the index of the vertex for a corner. Adds the vertex if there is none yet. Corners with
- * the same position, texture coordinates, normal and handedness of the texture (sense, 1 or −1)
- * share a vertex. */
+/* Returns the index of the vertex for a corner, and adds the vertex if there is none yet. Corners
+ * share a vertex if position, texture coordinates, normal and sense are the same. sense is the
+ * handedness of the texture, 1 or −1. */
 static guint32 add_vertex(const struct soup *soup, struct builder *b,
                           const struct soup_corner *corner, float sense) {
     for (gint32 at = b->first[corner->v]; at >= 0; at = g_array_index(b->next, gint32, at)) {
@@ -142,8 +142,8 @@ static guint32 add_vertex(const struct soup *soup, struct builder *b,
     return index;
 }
 
-/* Computes the unit vector of v's component perpendicular to the vertex's normal. Returns FALSE if
- * that component is 0. */
+/* Projects v onto the surface at a vertex, and sets ret to the unit vector of the result. Returns
+ * FALSE if the result is 0. */
 static gboolean along_surface(const struct vertex *vertex, const float v[3], float ret[3]) {
     float off = float3_dot(v, vertex->normal);
     for (int k = 0; k < 3; k++)
@@ -151,8 +151,8 @@ static gboolean along_surface(const struct vertex *vertex, const float v[3], flo
     return normalise(ret);
 }
 
-/* Returns the angle of a triangle at its corner v[c], seen along the normal of that vertex. Returns
- * 0 if an edge is parallel to the normal or has length 0. */
+/* Returns the angle of a triangle at its corner v[c], seen along the normal of this vertex. Returns
+ * 0 if an edge at this corner is parallel to the normal or has length 0. */
 static float corner_angle(struct vertex *const v[3], int c) {
     float edges[2][3];
     for (int e = 0; e < 2; e++) {
@@ -164,9 +164,9 @@ static float corner_angle(struct vertex *const v[3], int c) {
     return acosf(CLAMP(float3_dot(edges[0], edges[1]), -1.0f, 1.0f));
 }
 
-/* Adds dP/du of the triangle to its corners as MikkTSpace does, so that normal maps and fibres made
- * by other programs fit. dP/du is normalised, projected onto the surface at each corner, and
- * weighted by the angle of the triangle there. */
+/* Adds dP/du of a triangle to the tangents of its corners. As in MikkTSpace, dP/du is normalised,
+ * projected onto the surface at each corner, and weighted by the angle of the triangle there.
+ * Normal maps and fibres of other programs therefore fit. */
 static void add_tangent(struct builder *b, const guint32 index[3]) {
     struct vertex *v[3];
     for (int k = 0; k < 3; k++)

@@ -12,14 +12,14 @@ struct soup_corner {
 struct soup {
     GArray *positions, *normals; /* float[3] */
     GArray *uvs;                 /* float[2], with v upwards */
-    /* float[4] for each position; [3] is 0 if the position has no tangent. Empty if the file has no
-     * tangents. */
+    /* float[4] for each position. [3] is 0 if the position has no tangent. The array is empty if
+     * the file has no tangents. */
     GArray *tangents;
-    /* `corners` has a struct soup_corner for each corner of all polygons, one polygon after the
-     * other. `polygons` has the number of corners of each polygon (int). */
+    /* `corners`: a struct soup_corner for each corner of all polygons, one polygon after the other.
+     * `polygons`: the number of corners of each polygon (int). */
     GArray *corners, *polygons;
-    float *smooth; /* float[3] for each position: its normal, computed from the faces; not of unit
-                      length */
+    /* float[3] for each position: normal that was computed from the faces, not of unit length */
+    float *smooth;
 };
 
 void soup_init(struct soup *soup);

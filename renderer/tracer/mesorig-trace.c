@@ -67,8 +67,8 @@ static void on_signal(int number) {
     stopped = 1;
 }
 
-/* Cancels the work after a signal. Shows progress in a line that is overwritten, if stderr is a
- * terminal. */
+/* Cancels the work after a signal. If stderr is a terminal, shows the progress in a line that is
+ * overwritten. */
 static void trace_main_tell(const struct work_progress *progress, gpointer cancellable) {
     if (stopped)
         g_cancellable_cancel(cancellable);
@@ -81,8 +81,8 @@ static void trace_main_tell(const struct work_progress *progress, gpointer cance
         g_printerr("\r\033[K");
 }
 
-/* Parses at least n_least and at most 3 numbers, separated by commas. Elements of ret for which no
- * number is given keep their values. */
+/* Parses numbers that are separated by commas, at least n_least and at most 3. Elements of ret for
+ * which text has no number keep their values. */
 static gboolean trace_main_numbers(const char *option, const char *text, int n_least, double ret[3],
                                    GError **error) {
     g_auto(GStrv) parts = g_strsplit(text, ",", -1);
@@ -235,8 +235,8 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
-/* Warns about surfaces that the picture does not show as the file describes them, unless a captured
- * material replaces them. */
+/* Warns about each surface that the picture does not show as the file describes it. Does not warn
+ * about surfaces with a captured material, because it replaces the material of the file. */
 static void trace_main_warn(const char *path, const TraceScene *scene) {
     for (guint k = 0; k < scene->surfaces->len; k++) {
         const struct trace_surface *surface =
@@ -246,7 +246,7 @@ static void trace_main_warn(const char *path, const TraceScene *scene) {
     }
 }
 
-/* Writes an EXR if options are given, and a PNG otherwise. */
+/* Writes an EXR if options is not NULL, and a PNG otherwise. */
 static gboolean trace_main_write(OutputFile *to, const TracePicture *picture,
                                  const struct trace_options *options, GError **error) {
     const char *path = output_file_path(to, error);
@@ -265,7 +265,7 @@ static gboolean trace_main_run(const char *path, GError **error) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const struct work work = {threads, trace_main_tell, cancellable, cancellable};
     const gint64 begun_us = g_get_monotonic_time();
-    /* the outputs are checked now, before hours of work */
+    /* the outputs are checked before the rendering, which may take hours */
     g_autoptr(OutputFile) png = NULL, exr = NULL;
     if (!trace_main_options(&options, error) ||
         (png_path != NULL && !(png = output_file_new(png_path, "trace", force, error))) ||

@@ -1,5 +1,5 @@
-/* Chooses one of n items, with a probability proportional to a weight. The struct is plain data.
- * Any thread may call the functions that take a const pointer. */
+/* A random choice of one of n items, with probabilities proportional to given weights. Any thread
+ * may call the functions that take a const pointer, because they do not change the struct. */
 #pragma once
 
 #include <glib.h>

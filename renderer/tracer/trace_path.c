@@ -33,8 +33,8 @@ static struct vec3 path_local(const struct trace_hit *hit, struct vec3 d) {
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
-/* Returns the weight of a sample by the power heuristic with β = 2. own is the density of the way
- * in which the sample was drawn. other is the density of the other way. */
+/* Returns the weight of a sample by the power heuristic with β = 2. There are two ways to draw the
+ * sample. own is the density of the way in which it was drawn, and other that of the other way. */
 static double path_weight(double own, double other) {
     return own * own / (own * own + other * other);
 }
@@ -45,9 +45,9 @@ static void path_add(struct path *path, const double reflected[3], const double 
         path->light[c] += path->share[c] * reflected[c] * radiance[c] * factor;
 }
 
-/* Sets ret_rgb to f cos θ_l for light from a direction. Returns FALSE if this is 0, or if the
- * direction is behind the triangle. An interpolated normal alone may not show that a direction is
- * behind the triangle. */
+/* Sets ret_rgb to f cos θ_l for light from the direction `towards`. Returns FALSE if this is 0, or
+ * if the direction is behind the triangle. The second case is tested with the triangle's normal,
+ * because an interpolated normal may not show it. */
 static gboolean path_reflects(const struct trace_hit *hit, struct vec3 view, struct vec3 towards,
                               double ret_rgb[3]) {
     if (vec3_dot(towards, hit->facet) <= 0.0)
@@ -70,8 +70,8 @@ static void path_look_for_sky(struct path *path, const struct trace_hit *hit, st
     path_add(path, reflected, radiance, path_weight(density, other) / density);
 }
 
-/* Returns the probability density with which path_look_for_area() draws the direction towards area
- * k, per solid angle. Returns 0 if the area faces away. */
+/* Returns the density per solid angle with which path_look_for_area() draws the direction `towards`
+ * to a point of area k. Returns 0 if this area faces away. */
 static double area_density(const TraceScene *scene, gsize k, struct vec3 towards, double distance) {
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
     const double cos_area = -vec3_dot(area->normal, towards);
@@ -107,7 +107,8 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
 
 /* Returns the share of a spot lamp's intensity in a direction, as glTF defines it. cos_off is the
  * cosine of the angle between the direction and the axis of the lamp. The share is 1 within the
- * inner cone and 0 outside the outer cone, with a squared transition. */
+ * inner cone, and 0 outside the outer cone. Between the cones, it is the square of a linear
+ * function of cos_off. */
 static double lamp_cone(const struct gltf_lamp *lamp, double cos_off) {
     const double range = fmax(lamp->inner_cos - lamp->outer_cos, 1e-3);
     const double inside = CLAMP((cos_off - lamp->outer_cos) / range, 0.0, 1.0);
@@ -148,8 +149,8 @@ static void path_look_for_lights(struct path *path, const struct trace_hit *hit,
 
 /* Adds the light that a path meets. drawn is the density with which the direction of the path was
  * drawn from the surface. other is the density with which the light could have been sampled
- * directly. drawn is 0 for a ray of the camera, because the light that it meets cannot be sampled
- * directly. */
+ * directly. drawn is 0 for a ray from the camera, because the light that this ray meets can be
+ * found in no other way. */
 static void path_take(struct path *path, const double radiance[3], double drawn, double other) {
     const double all[3] = {1.0, 1.0, 1.0};
     path_add(path, all, radiance,

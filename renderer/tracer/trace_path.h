@@ -22,8 +22,8 @@ struct trace_options {
     int depth;   /* largest number of reflections */
     guint64 seed;
     enum trace_drawing drawing;
-    /* If FALSE, for comparisons, light is only found by following reflections. Point-like lamps
-     * then give no light. */
+    /* If FALSE, light is found only by following reflections. This is for comparisons. Point-like
+     * lamps then give no light. */
     gboolean lamps_too;
 };
 
@@ -34,9 +34,9 @@ gboolean trace_options_check(const struct trace_options *options, GError **error
 typedef struct trace_picture {
     int width, height;
     float *rgb; /* height × width × 3, radiance, top row first */
-    /* height × width: variance of the luminance of a sample, estimated from all samples of the
-     * pixel. The variance of the pixel is this value divided by the number of samples. With one
-     * sample, this value is 0. */
+    /* height × width: variance of the luminance of a single sample, estimated from all samples of
+     * the pixel. To get the variance of the pixel, divide by the number of samples. With one
+     * sample, the value is 0. */
     float *variance;
 } TracePicture;
 void trace_picture_free(TracePicture *picture); /* NULL is ignored */

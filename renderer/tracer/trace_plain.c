@@ -25,7 +25,8 @@ static double plain_facets(double alpha, struct vec3 half) {
     return a2 / (G_PI * s * s);
 }
 
-/* Returns the probability with which the highlight is sampled. */
+/* Returns the probability with which a direction is drawn for the highlight, and not for the
+ * diffuse part. */
 static double plain_share(const struct trace_plain *p, struct vec3 view) {
     const double m = p->metallic, brightest = fmax(p->base[0], fmax(p->base[1], p->base[2]));
     const double highlight = plain_fresnel(DIELECTRIC * p->specular * (1.0 - m) + brightest * m,
@@ -60,7 +61,8 @@ double trace_plain_density(const struct trace_plain *p, struct vec3 view, struct
         return 0.0;
     const struct vec3 half = vec3_unit(vec3_add(view, light));
     const double alpha = plain_alpha(p), share = plain_share(p, view);
-    /* The density of visible normals G1 D v·h / v·n, times dh / dl = 1 / (4 v·h). */
+    /* The density of visible normals is G1 D v·h / v·n. For directions, it is multiplied by dh / dl
+     * = 1 / (4 v·h). */
     const double visible =
         plain_facets(alpha, half) / (1.0 + plain_lambda(alpha, view)) / (4.0 * view.z);
     return share * visible + (1.0 - share) * light.z / G_PI;

@@ -18,17 +18,19 @@
 #include "base/vec.h"
 
 struct trace_plain {
-    /* in the formula, base is c, metallic is m, and specular is s; all are 0 … 1 */
+    /* c, m, roughness and s in the formula; all are from 0 to 1 */
     double base[3], metallic, roughness, specular;
 };
 
 /* Sets ret_rgb to f cos θ_l, which is 0 below the horizon. */
 void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, struct vec3 light,
                           double ret_rgb[3]);
-/* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)
- * for the highlight, or by the cosine for the diffuse part. random has three numbers from 0 to 1.
- * Returns the density per solid angle of *ret_light, or 0 if view or *ret_light is not above the
- * horizon. *ret_light is not set if view is not above the horizon. */
+/* Draws a light direction approximately in proportion to f cos θ_l. For the highlight, a visible
+ * normal is drawn (Heitz 2018). For the diffuse part, the direction is drawn in proportion to the
+ * cosine. random has three numbers from 0 to 1.
+ *
+ * Returns the density per solid angle of *ret_light. Returns 0 if view or *ret_light is not above
+ * the horizon. If view is not above the horizon, *ret_light is not set. */
 double trace_plain_draw(const struct trace_plain *plain, struct vec3 view, const double random[3],
                         struct vec3 *ret_light);
 /* Returns the density per solid angle with which trace_plain_draw() draws `light`. */

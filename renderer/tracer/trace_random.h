@@ -22,7 +22,7 @@ static inline struct trace_random trace_random_new(guint64 seed, guint64 pixel, 
     return random;
 }
 
-/* Returns a number in [0, 1) of 24 bits. It stays below 1 when it is converted to float. */
+/* Returns a random multiple of 2^−24 in [0, 1). It stays below 1 when it is converted to float. */
 static inline double trace_random_next(struct trace_random *random) {
     return (double)(trace_random_bits(random) >> 40) * 0x1p-24;
 }

@@ -4,8 +4,9 @@ static struct vec3 local(const struct trace_hit *hit, struct vec3 d) {
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
-/* Returns whether the half of a ray at one end meets the relief. v is the unit vector along the
- * ray, pointing out of the mesh, in the frame of that end. */
+/* Returns whether a ray meets the relief in the half of its way that begins at `end`. half is the
+ * length of this half. v is the unit vector along the ray, pointing out of the mesh, in the frame
+ * of `end`. */
 static gboolean meets_from(const struct trace_hit *end, struct vec3 v, double half) {
     const struct trace_surface *s = end->surface;
     const double u = end->texel.u * s->tiles, down = -end->texel.v * s->tiles;
@@ -17,8 +18,8 @@ static gboolean meets_from(const struct trace_hit *end, struct vec3 v, double ha
            distance >= 0.0F;
 }
 
-/* In the frame of the back face, z points to the inside of the mesh, because the ray comes from
- * there. Here z is turned outwards. */
+/* The frame of `back` has z towards the inside of the mesh, because the ray comes from there. The
+ * function turns this z outwards. */
 gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
                             struct vec3 direction) {
     const double way = vec3_length(vec3_sub(back->position, front->position));

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #define LIFT       2e-5 /* height of a ray's origin above the surface, as a share of reach */
-#define MAX_PASSES 64   /* largest number of outlines that a ray passes above */
+#define MAX_PASSES 64   /* largest number of times that a ray passes above a relief at an outline */
 
 static void surface_clear(gpointer data) {
     struct trace_surface *surface = data;
@@ -61,7 +61,8 @@ static struct vec3 of_floats(const float a[3]) {
     return vec3((double)a[0], (double)a[1], (double)a[2]);
 }
 
-/* Computes the middle of the bounding box, and half of the diagonal of the box. */
+/* Sets `middle` to the middle of the bounding box, and `reach` to half of the diagonal of the box.
+ */
 static void scene_measure(TraceScene *scene) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint k = 0; k < scene->gltf->parts->len; k++) {
@@ -222,7 +223,8 @@ static char *scene_names(const TraceScene *scene) {
     return g_string_free(names, FALSE);
 }
 
-/* Checks that a surface has this name, and that it has texture coordinates everywhere. */
+/* Checks that there is a surface with this name, and that all its meshes have texture coordinates.
+ */
 static gboolean scene_check_name(const TraceScene *scene, const char *name, GError **error) {
     gboolean found = FALSE;
     for (guint k = 0; k + 1 < scene->surfaces->len; k++)
@@ -377,7 +379,8 @@ static struct RTCRay scene_ray(struct vec3 from, struct vec3 direction, double f
                            .mask = G_MAXUINT32};
 }
 
-/* Interpolates the shape of a mesh with relief at a point of a triangle. */
+/* Returns the local shape of a mesh with relief at a point of a triangle, interpolated from the
+ * corners. share has the barycentric coordinates of the point. */
 static struct mesorig_surface scene_mesh_at(const struct vertex_shape *shapes,
                                             const guint32 corners[3], const double share[3],
                                             double tiles) {
@@ -394,9 +397,10 @@ static struct mesorig_surface scene_mesh_at(const struct vertex_shape *shapes,
     return ret;
 }
 
-/* Interpolates the values of the vertices at a point of a triangle, and computes the frame there. z
- * of the frame is the interpolated normal, on the side of the facet. If the ray would be below the
- * horizon of that normal, z is the normal of the facet. */
+/* Interpolates the values of the vertices at the point that a ray hits, and computes the frame
+ * there. z of the frame is the interpolated normal, on the side of the facet from which the ray
+ * comes. If the ray would come from below the horizon of this normal, z is the normal of the facet
+ * instead. */
 static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray, struct vec3 from,
                            struct vec3 direction, struct trace_hit *ret) {
     const struct gltf_part *part = scene_part(scene, ray->hit.geomID);
@@ -457,8 +461,8 @@ static gboolean scene_nearest(const TraceScene *scene, struct vec3 from, struct 
     return TRUE;
 }
 
-/* Returns whether the ray goes below the mesh and out again without meeting the relief. If so,
- * *ret_from is the point where the ray continues. */
+/* Returns whether the ray goes below the mesh and out again without meeting the relief. If so, sets
+ * *ret_from to the point from which the ray continues. */
 static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hit,
                              struct vec3 direction, struct vec3 *ret_from) {
     struct trace_hit back;

@@ -72,7 +72,8 @@ double trace_sky_draw(const TraceSky *sky, const double random[2], struct vec3 *
     const gsize pixel = trace_choice_draw(&sky->choice, random[0]);
     const double share = trace_choice_share(&sky->choice, pixel);
     const int y = (int)(pixel / (gsize)sky->width), x = (int)(pixel % (gsize)sky->width);
-    /* The remainder of the first number gives the position within the pixel. */
+    /* Within the interval of the chosen pixel, the first random number gives the position across
+     * the pixel. */
     const double across =
         share > 0.0 ? CLAMP((random[0] - sky->choice.sums[pixel]) / share, 0.0, 1.0) : 0.5;
     const double z = row_z(sky, y) + random[1] * (row_z(sky, y + 1) - row_z(sky, y));

@@ -1,6 +1,7 @@
 #include "trace_surface.h"
 
-/* Coordinates for the library. Its v increases along the texture's rows, downwards. */
+/* A query to the material library. v of the library increases along the texture's rows, downwards.
+ */
 struct query {
     float uv[2], view[3], light[3];
 };

@@ -15,9 +15,10 @@
 struct trace_surface {
     char *name; /* name in glTF; owned */
     struct trace_plain plain;
-    /* texture by which the base colour of `plain` is multiplied; owned; NULL if there is none */
+    /* texture that multiplies the base colour of `plain`; owned; NULL if there is none */
     TraceTexture *texture;
-    char *warning;              /* reason why a texture of the file is not used; owned, or NULL */
+    /* why a texture of the file is not used; owned; NULL if there is no such reason */
+    char *warning;
     double emission[3];         /* radiance of its front side */
     mesorig_material *material; /* owned; NULL if the surface is plain */
     char *path;                 /* path of material; owned */
@@ -39,15 +40,15 @@ struct trace_hit {
     struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
     struct trace_texel texel;
     double distance;
-    /* index of the area of the scene that was hit on its lit side; −1 if none was hit */
+    /* index of an area of the scene if the ray hits its lit side; otherwise −1 */
     gint64 area;
     guint part;                  /* index of the part in the glTF scene */
     gboolean is_front;           /* whether the ray meets the front side of the triangle */
     struct mesorig_surface mesh; /* only on a surface with relief */
 };
 
-/* How directions are drawn: by the distribution of the material, or, for comparison, evenly over
- * the hemisphere. */
+/* How directions are drawn: in proportion to the reflectance of the material, or evenly over the
+ * hemisphere, for comparison. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
 /* Sets ret_rgb to f cos θ_l, where f is the reflectance and θ_l is the angle from the normal to
@@ -56,8 +57,10 @@ enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 void trace_surface_evaluate(const struct trace_surface *surface, struct trace_texel at,
                             struct vec3 view, struct vec3 light, double ret_rgb[3]);
 /* Draws a light direction *ret_light, and sets ret_rgb to f cos θ_l for this direction. Returns the
- * density per solid angle of this direction. Returns 0 and sets ret_rgb to black if `view` or the
- * drawn direction is not above the surface, so that the path ends. *ret_light may then be unset. */
+ * density per solid angle of this direction.
+ *
+ * Returns 0 and sets ret_rgb to black if `view` or the drawn direction is not above the surface.
+ * The path then ends. *ret_light may not have been set. */
 double trace_surface_draw(const struct trace_surface *surface, struct trace_texel at,
                           struct vec3 view, enum trace_drawing drawing, struct trace_random *random,
                           struct vec3 *ret_light, double ret_rgb[3]);

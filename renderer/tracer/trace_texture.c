@@ -43,7 +43,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
         png_image_free(&image);
         return NULL;
     }
-    image.format = PNG_FORMAT_RGBA; /* without alpha, the reader would blend it with a background */
+    /* read with alpha, because otherwise libpng would blend the picture with a background */
+    image.format = PNG_FORMAT_RGBA;
     const gsize n = (gsize)image.width * image.height;
     guint8 *ret = g_try_malloc(4 * n);
     if (ret == NULL || !png_image_finish_read(&image, NULL, ret, 0, NULL)) {

@@ -13,12 +13,12 @@
 
 typedef struct trace_texture TraceTexture;
 
-/* Makes a texture. bytes is a PNG of any kind, whose alpha is ignored, or a JPEG in grey or colour.
- * Fails with TRACE_ERROR_SCENE if the picture has another format, is damaged, or is larger than
- * TRACE_TEXTURE_MAX_SIDE in a direction. */
+/* Makes a texture. bytes is a PNG, or a JPEG in grey or colour. The alpha of a PNG is ignored.
+ * Fails with TRACE_ERROR_SCENE if the picture has another format, is damaged, or has a side longer
+ * than TRACE_TEXTURE_MAX_SIDE pixels. */
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
 
-/* Sets ret_rgb to the linear colour at texture coordinates. As elsewhere in the tracer, v increases
- * upwards from the lowest row. */
+/* Sets ret_rgb to the linear colour at the texture coordinates (u, v). As elsewhere in the tracer,
+ * v increases upwards from the lowest row. */
 void trace_texture_colour(const TraceTexture *texture, double u, double v, double ret_rgb[3]);
