@@ -11,9 +11,10 @@
 
 struct Chooser {
     GDBusConnection *bus;
-    GCancellable *cancel; /* cancels the calls under way; NULL if no dialog was requested */
-    int under_way;        /* number of calls that have not called their callback yet */
-    char *request;        /* object path of the open dialog; NULL if there is none */
+    /* cancels the calls that have not returned; NULL if no dialog was requested */
+    GCancellable *cancel;
+    int under_way; /* number of calls whose callback has not run yet */
+    char *request; /* object path of the open dialog; NULL if there is none */
     /* id of the subscription to the dialog's signal Response; 0 if there is none */
     guint subscription;
     int n_asked; /* number of dialogs requested so far */
@@ -87,8 +88,8 @@ static void on_opened(GObject *source, GAsyncResult *result, gpointer data) {
     }
 }
 
-/* Returns the filters of the dialog, for files that can be opened and for all files, as a(sa(us)).
- * The number 0 marks a file name pattern. */
+/* Returns the filters of the dialog as a(sa(us)): one for files that can be opened, and one for all
+ * files. In (us), the number 0 says that the text is a pattern of file names. */
 static GVariant *chooser_filters(void) {
     static const char *const patterns[] = {"session.db", "*.exr", "*.obj",
                                            "*.gltf",     "*.glb", "*.png"};

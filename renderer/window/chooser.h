@@ -31,5 +31,5 @@ void chooser_ask(Chooser *chooser, enum chooser_what what, const char *folder, c
 void chooser_close(Chooser *chooser);
 gboolean chooser_is_open(const Chooser *chooser);
 
-/* Returns the result of the last dialog. Returns each result once, and then CHOOSER_IDLE. */
+/* Returns the result of the last dialog once. Later calls return CHOOSER_IDLE. */
 enum chooser_state chooser_poll(Chooser *chooser, char **ret_path);

@@ -8,7 +8,7 @@
 #include "session/session.h"
 
 #define TERMS     4 /* number of terms, as in Wang et al. 2005 §5 */
-#define PICTURE_S 5 /* time after a computation until pictures are read again */
+#define PICTURE_S 5 /* time in s from the end of a computation until pictures are read again */
 
 static gboolean get_column(int view, float *ret_column, gpointer data, GError **error) {
     return reference_read_view(data, view, ret_column, error);
@@ -64,18 +64,19 @@ GArray *live_views(const char *session, GError **error) {
 
 struct Live {
     char *session;
-    GThread *thread;        /* NULL if no thread is running */
-    gint done;              /* atomic: the thread has finished; it can be joined without waiting */
-    GCancellable *stop;     /* the thread must end */
+    GThread *thread; /* NULL if no thread is running */
+    /* atomic: the thread has finished, so it can be joined without waiting */
+    gint done;
+    GCancellable *stop;     /* cancelled when the thread must end */
     LivePictures *pictures; /* belongs to the thread while one is running */
-    gint64 due_us;          /* time from which pictures are read again */
-    /* number of views of the BTF in the last result, or in the result that is being computed; 0 if
-     * that result is made from pictures */
+    gint64 due_us;          /* time from which pictures may be read again */
+    /* Number of views of the BTF in the result that is being computed, or in the last result. 0 if
+     * the result is made from pictures. */
     int n_views;
-    gboolean more_views;    /* whether the thread makes eigen-maps of the BTF */
+    gboolean more_views;    /* the thread makes eigen-maps of the BTF, not of pictures */
     struct eigenmaps *maps; /* the result of the thread, or NULL */
     GError *error;
-    char *text;      /* live_text(); the thread replaces it through new_text */
+    char *text;      /* result of live_text(); replaced by new_text when the thread has finished */
     char *new_text;  /* NULL if there is none */
     GArray *has;     /* of gboolean: live_pictures_has_view() of each view */
     GArray *new_has; /* NULL if there is none */
@@ -119,9 +120,9 @@ static int count_marked(const GArray *has) {
     return n;
 }
 
-/* Reads the pictures, and makes eigen-maps of them unless the BTF has as many views. If the
- * pictures cannot be read, makes no eigen-maps and reports no error, because a session may have no
- * lamps. */
+/* Reads the pictures. Makes eigen-maps of them, unless the BTF has at least as many views as are
+ * half captured (live.h). If the pictures cannot be read, makes no eigen-maps and reports no error,
+ * because a session may have no lamps. */
 static void read_pictures(Live *live) {
     g_autoptr(GError) unread = NULL;
     if (!live_pictures_read(live->pictures, live->stop, &unread)) {

@@ -13,7 +13,7 @@ struct LivePictures {
     char *session;
     Partial *partial;          /* NULL before the session could be opened */
     PartialForecast *forecast; /* NULL before the first picture */
-    double shot_s;             /* mean time between two shots on the session's clock */
+    double shot_s;             /* mean time in s between two shots, on the session's clock */
 };
 
 LivePictures *live_pictures_new(const char *session) {
@@ -31,7 +31,7 @@ void live_pictures_free(LivePictures *pictures) {
     g_free(pictures);
 }
 
-/* Returns the mean time between two shots, or 0 if it is not known yet. */
+/* Returns the mean time in s between two shots, or 0 if it is not known yet. */
 static double find_shot_s(const char *path) {
     g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
     g_autoptr(GPtrArray) shots = session != NULL ? session_shots(session, NULL) : NULL;
@@ -55,7 +55,7 @@ gboolean live_pictures_read(LivePictures *pictures, GCancellable *stop, GError *
     if (pictures->partial == NULL &&
         (pictures->partial = partial_open(pictures->session, error)) == NULL)
         return FALSE;
-    do { /* a few at a time, so that the window can be closed */
+    do { /* A few pictures at a time are read, so that the window can be closed meanwhile. */
         g_array_set_size(fresh, 0);
         if (!partial_read(pictures->partial, 16, fresh, &problem, error) ||
             g_cancellable_set_error_if_cancelled(stop, error))
@@ -82,7 +82,7 @@ struct columns {
     GCancellable *stop;
 };
 
-/* Gives the pictures of a view: n_lights × height × width × 3. */
+/* Sets ret_column to the pictures of a view: n_lights × height × width × 3. */
 static gboolean get_column(int view, float *ret_column, gpointer data, GError **error) {
     const struct columns *columns = data;
     const Partial *partial = columns->of->partial;
@@ -136,9 +136,9 @@ struct eigenmaps *live_pictures_eigenmaps(LivePictures *pictures, GCancellable *
     return maps;
 }
 
-/* Returns the number of further shots after which the error is expected to be below share, or 0 if
- * the forecast does not reach share. Between the points of the forecast, the error is taken to fall
- * evenly. */
+/* Returns the number of further shots after which the error is expected to be below share. Returns
+ * 0 if the forecast does not reach share. The error is interpolated linearly between the points of
+ * the forecast. */
 static double shots_until(const PartialForecast *forecast, double share) {
     int n;
     const struct partial_later *later = partial_forecast_later(forecast, &n);

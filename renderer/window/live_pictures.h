@@ -1,9 +1,10 @@
 /*
- * For the window: the pictures of a session so far, and the prediction of the others
- * (processing/partial). Measured and predicted pictures are returned together, as eigen-maps. The
- * window needs these eigen-maps while processing has not written a view yet. A line of text says
- * how many pictures are measured. The functions live_pictures_read() and live_pictures_eigenmaps()
- * take seconds. A LivePictures belongs to one thread at a time.
+ * The pictures of a session so far, and the prediction of the others (processing/partial). The
+ * window shows them while processing has written few views or none. Measured and predicted pictures
+ * are returned together, as eigen-maps. A line of text says how many pictures are measured.
+ *
+ * live_pictures_read() and live_pictures_eigenmaps() take seconds. A LivePictures belongs to one
+ * thread at a time.
  */
 #pragma once
 
@@ -21,8 +22,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LivePictures, live_pictures_free)
  * if stop is cancelled. */
 gboolean live_pictures_read(LivePictures *pictures, GCancellable *stop, GError **error);
 
-/* Makes eigen-maps of all planned views, from measured and predicted pictures. There must be a
- * measured picture. Fails if stop is cancelled. */
+/* Makes eigen-maps of all planned views, from measured and predicted pictures. At least one picture
+ * must have been measured. Fails if stop is cancelled. */
 struct eigenmaps *live_pictures_eigenmaps(LivePictures *pictures, GCancellable *stop,
                                           GError **error);
 

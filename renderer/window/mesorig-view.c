@@ -29,11 +29,11 @@ struct studio {
     struct environment *environment; /* or NULL */
     Viewer *viewer, *second;         /* `second` draws o->second, or is NULL */
     Compose *compose;
-    /* References for the materials of the viewer. The reference of the main material may be NULL.
-     * If n_references is 0, the methods draw the pictures. */
+    /* References for the materials of the viewer. The element of the main material may be NULL. If
+     * n_references is 0, the pictures are those of the methods. */
     Reference *references[VIEWER_MAX_MATERIALS];
     int n_references;
-    guint8 *sheet; /* sheet of o->sheet columns; NULL for one file per frame */
+    guint8 *sheet; /* picture with all frames in o->sheet columns; NULL if each frame is a file */
     struct window_result drawn;
     GPtrArray *files;         /* paths of written files */
     int n_replaced;           /* number of these files that replaced an existing one */
@@ -42,8 +42,8 @@ struct studio {
     struct measured measured; /* result of --measured */
 };
 
-/* Returns the path of a frame. OUT.png becomes OUT_0000.png and so on if there are several frames,
- * and OUT_020.png and so on for a series. */
+/* Returns the path of a frame for --render OUT.png. If there are several frames, the paths are
+ * OUT_0000.png and so on. For a series, a path contains the percentage, such as OUT_020.png. */
 static char *frame_path(const struct viewer_options *o, int frame) {
     if ((o->frames == 0 && o->n_series == 0) || o->sheet > 0)
         return g_strdup(o->render);
@@ -60,7 +60,7 @@ static void studio_add(struct studio *studio, const char *path, const OutputFile
     studio->n_replaced += output_file_note(to) != NULL;
 }
 
-/* Fails if a picture may not be replaced, before any picture is drawn. */
+/* Fails if one of the pictures must not be replaced. This is checked before a picture is drawn. */
 static gboolean viewer_main_check_outputs(const struct viewer_options *o, GError **error) {
     const int n = o->sheet > 0 ? 1 : MAX(1, o->n_series > 0 ? o->n_series : o->frames);
     for (int k = 0; o->render != NULL && k < n; k++) {
@@ -71,7 +71,7 @@ static gboolean viewer_main_check_outputs(const struct viewer_options *o, GError
     return o->screenshot == NULL || output_file_check(o->screenshot, PICTURE_KIND, o->force, error);
 }
 
-/* Writes a picture. Either rgb or light is given; the other is NULL. */
+/* Writes a picture, either rgb or light. The other of the two must be NULL. */
 static gboolean studio_write(struct studio *studio, const char *path,
                              const struct viewer_settings *s, const guint8 *rgb, const float *light,
                              int width, int height, GError **error) {
@@ -125,8 +125,7 @@ static gboolean render_frame(struct studio *studio, int frame, const struct view
     return TRUE;
 }
 
-/* Opens eigen-maps of the present views of a session, and sets the stripes where views are
- * missing. */
+/* Opens eigen-maps of the measured views of a session. Sets the stripes that mark missing views. */
 static gboolean open_live(struct studio *studio, Viewer *viewer, GError **error) {
     const char *session = studio->o->argument;
     struct eigenmaps *maps = live_eigenmaps(session, &studio->n_views, error);
@@ -306,7 +305,7 @@ static void viewer_main_report(const struct studio *studio) {
     g_print("%s}\n", json->str);
 }
 
-/* Prints the written files, and with --measured the measured picture that was compared. */
+/* Prints the written files. With --measured, also prints which measured picture was compared. */
 static void viewer_main_tell(const struct studio *studio) {
     const GPtrArray *files = studio->files;
     const struct measured *m = &studio->measured;

@@ -2,6 +2,6 @@
 #pragma once
 
 /* Asks the desktop's notification service (org.freedesktop.Notifications on the session bus) to
- * show a notice. Returns when the service has answered, after some seconds at most. Without such a
- * service, nothing happens. */
+ * show a notice. Waits for the answer of the service, but at most some seconds. Does nothing if
+ * there is no such service. */
 void notice_show(const char *title, const char *sentence);

@@ -14,12 +14,15 @@
 struct Opener {
     GLFWwindow *context; /* hidden window with the second GL context */
     GThreadPool *thread;
-    GAsyncQueue *finished;      /* of struct opened */
-    gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0 if there is none */
-    gint asked;                 /* number of the latest request */
-    int under_way;              /* number of requested jobs that were not polled yet */
-    gint share;                 /* atomic: share of the running job that is done, in thousandths */
-    const struct opened *working; /* atomic: the running job, or NULL; exists until it is polled */
+    GAsyncQueue *finished; /* of struct opened */
+    /* atomic: number of the job that is wanted for each place; 0 if there is none */
+    gint wanted[OPENER_PLACES];
+    gint asked; /* number of the latest request */
+    /* number of requested jobs that opener_poll() has not returned yet */
+    int under_way;
+    gint share; /* atomic: share of the running job that is done, in thousandths */
+    /* atomic: the running job, or NULL; it exists until opener_poll() returns it */
+    const struct opened *working;
 };
 
 static gboolean is_wanted(const Opener *opener, const struct opened *o) {

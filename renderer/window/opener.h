@@ -1,7 +1,7 @@
 /*
- * Opens materials in the background of a window. A thread reads the file and uploads it in a second
- * GL context, which shares textures with the context of the window. Meanwhile the window continues
- * to draw. Jobs run one after the other, in the order of opener_ask().
+ * Opens files in the background of a window. A thread reads a file and uploads it in a second GL
+ * context, which shares textures with the context of the window. Meanwhile the window continues to
+ * draw. Jobs run one after the other, in the order of the calls of opener_ask().
  */
 #pragma once
 
@@ -9,16 +9,17 @@
 #include "drawing/methods/method.h"
 #include "scene/environment.h"
 
-/* What a file is opened for: the first material, the second material with which the first is
- * compared, the MDF, or the environment. */
+/* What a file is opened for: the first material, the second material (with which the first is
+ * compared), the MDF, or the environment. */
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_ENVIRONMENT, OPENER_PLACES };
 
-/* The result of opening a file for a place, or the error. */
+/* The result of a job, or its error. */
 struct opened {
     enum opener_place place;
     const struct method *method; /* only for OPENER_FIRST and OPENER_SECOND */
     char *path;
-    gpointer material;               /* material of the method; NULL with an error */
+    /* for OPENER_FIRST and OPENER_SECOND: material of the method; NULL with an error */
+    gpointer material;
     struct mdf_source *mdf;          /* only for OPENER_MDF; NULL with an error */
     struct environment *environment; /* only for OPENER_ENVIRONMENT; NULL with an error */
     GError *error;
@@ -42,14 +43,16 @@ void opener_ask(Opener *opener, enum opener_place place, const struct method *me
 /* Cancels the request for this place. */
 void opener_cancel(Opener *opener, enum opener_place place);
 
-/* Returns the next finished job that was not cancelled or replaced, or NULL if none has finished.
- * Does not wait. The caller owns the job. If the caller takes a member out of the job, it sets this
- * member to NULL. A job that finishes wakes the loop of the window. */
+/* Returns the next finished job, or NULL if there is none. Does not wait. Jobs that were cancelled
+ * or replaced are not returned. A job that finishes wakes the loop of the window.
+ *
+ * The caller owns the job. A caller that takes ownership of a member must set this member to NULL.
+ */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 
 gboolean opener_is_busy(const Opener *opener);
 
-/* Returns the progress of the job under way as text for the user, or NULL if there is none. Free it
- * with g_free(). */
+/* Returns the progress of the running job as text for the user, or NULL if no job is running. Free
+ * it with g_free(). */
 char *opener_progress(const Opener *opener);

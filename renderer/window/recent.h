@@ -1,7 +1,7 @@
 /*
  * The materials and shapes that were opened last. They are kept in the desktop's list
- * ($XDG_DATA_HOME/recently-used.xbel), which other programs share. The functions block while they
- * read or write that file. A damaged file is not changed.
+ * ($XDG_DATA_HOME/recently-used.xbel), which all programs share. The functions block while they
+ * read or write the file of this list. A damaged file is not changed.
  */
 #pragma once
 

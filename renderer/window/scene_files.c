@@ -22,8 +22,9 @@ static const struct method *session_method(const char *session) {
     return method != NULL ? method : methods[0]; /* its error says how to make the file */
 }
 
-/* Returns the method that draws path. For a session, this is the given method. If no method was
- * named, or if the given method needs no file, it is the method of method_of_session(). */
+/* Returns the method that draws path. For a compressed file, this is the method of the file. For a
+ * session, it is the given method if --method named it and it can open files, and otherwise the
+ * result of session_method(). Returns NULL with an error if path is neither. */
 static const struct method *scene_files_method(const struct method *method, gboolean named,
                                                const char *path, GError **error) {
     struct file_opened file;

@@ -4,7 +4,8 @@
 #include "scene/reference.h"
 #include "viewer_options.h"
 
-/* Makes the mesh like scene_make(). With --material, scene_read_parts() reads the shape. */
+/* Makes the mesh of a shape as scene_make() does. With --material, uses scene_read_parts() instead.
+ */
 struct mesh *scene_files_mesh(const struct viewer_options *options, const char *shape,
                               const struct scene_options *how, GError **error);
 
@@ -15,5 +16,5 @@ struct mesh *scene_files_mesh(const struct viewer_options *options, const char *
 gboolean scene_files_open(const struct viewer_options *options, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error);
 
-/* Opens the whole BTF of a session, or a compressed file. */
+/* Opens the uncompressed BTF of a session, or a compressed file. */
 Reference *scene_files_reference(const char *path, GError **error);

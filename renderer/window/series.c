@@ -30,7 +30,8 @@ int series_count(const GArray *views) {
     return n;
 }
 
-/* Returns whether no more views will come. Processing makes the eigen-maps last. */
+/* Returns whether no more views will come. This is so when the file of eigen-maps exists after the
+ * end of the capture, because processing makes this file last. */
 static gboolean has_ended(const char *session) {
     g_autoptr(Session) opened = session_open(session, SESSION_READ, NULL);
     g_autofree char *state = opened != NULL ? session_value(opened, "state") : NULL;

@@ -17,12 +17,14 @@ enum series_error {
  * there are, or 0 if text is not such a list or has more than SERIES_MAX numbers. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Blocks until at least `percent` percent of the planned views, and at least one view, are
- * measured. Returns all planned views, an array of struct planned_view. Free the array with
- * g_array_unref(). The session need not exist at first. Returns NULL with SERIES_ERROR_TIMEOUT if
- * no new view comes for wait_s seconds. If the views cannot be read at the end of this time, the
- * error is that of live_views() instead. Returns NULL with SERIES_ERROR_ENDED if the capture has
- * ended and was processed, and fewer views are measured. */
+/* Waits until at least `percent` percent of the planned views, and at least one view, are measured.
+ * Returns all planned views, an array of struct planned_view. Free the array with g_array_unref().
+ * The session need not exist at first.
+ *
+ * Returns NULL with SERIES_ERROR_TIMEOUT if no new view comes for wait_s seconds. If the views
+ * cannot even be read after this time, the error is that of live_views() instead. Returns NULL with
+ * SERIES_ERROR_ENDED if the session has been captured and processed, and too few views are
+ * measured. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

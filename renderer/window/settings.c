@@ -137,7 +137,8 @@ int settings_entries(struct viewer_options *o, GOptionEntry *ret) {
     return n;
 }
 
-/* Adds --NAME VALUE, quoted if necessary. Takes ownership of value. NULL adds a flag. */
+/* Adds " --NAME VALUE" to the command. The value is quoted if necessary. Takes ownership of value.
+ * If value is NULL, adds only " --NAME". */
 static void command_add(GString *command, const char *name, char *value) {
     g_string_append_printf(command, " --%s", name);
     const gboolean plain =

@@ -1,6 +1,7 @@
 /*
- * The settings of a picture, in one table. The table gives the options of the command line, the
- * controls of the panel, and the command that draws the window's picture again.
+ * The settings of a picture, in one table. The options of the command line and the controls of the
+ * panel are made from this table. The command that draws the window's picture again is also made
+ * from it.
  */
 #pragma once
 
@@ -10,7 +11,7 @@ enum setting_kind {
     SETTING_NUMBER, /* double */
     SETTING_WHOLE,  /* int */
     SETTING_FLAG,   /* gboolean */
-    SETTING_OTHER,  /* the option, the control and the command have code of their own */
+    SETTING_OTHER,  /* option, control and command have separate code */
 };
 
 enum setting_id {
@@ -61,7 +62,7 @@ struct setting {
     const char *option; /* name on the command line, without dashes */
     const char *label;  /* label in the panel; NULL if the setting is not in the panel */
     enum setting_kind kind;
-    /* of the member in struct viewer_options; unused for SETTING_OTHER */
+    /* offset of the member in struct viewer_options; unused for SETTING_OTHER */
     gsize offset;
     double low, high;   /* range of the slider */
     const char *format; /* format of the slider, for printf() with a double */
@@ -71,15 +72,15 @@ struct setting {
 
 extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
-/* Fills ret with the option entries of all rows except SETTING_OTHER. The entries set members of
- * options. ret must have room for SETTINGS entries. The function adds no entry that ends the list.
- * Returns the number of entries. */
+/* Fills ret with the option entries of all rows except SETTING_OTHER, and returns their number. The
+ * entries set members of options. ret must have space for SETTINGS entries. No entry that ends a
+ * list of entries is added. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
 /* A picture for settings_command(). `width` and `height` are its size in pixels. `samples` is the
- * number of samples per pixel in each direction. `n_lamps` is the number of settings.lamps that do
- * not come from the environment. `live` says that the picture shows eigen-maps of a session that is
- * still being captured. */
+ * number of samples per pixel in each direction. `n_lamps` is the number of further lamps that do
+ * not come from the environment. `live`: the picture shows eigen-maps of a session that is still
+ * being captured. */
 struct settings_picture {
     int width, height, samples, n_lamps;
     gboolean live;

@@ -2,8 +2,8 @@
 
 #include "scene/picture.h"
 
-/* Returns the end of a path, because a recipient of the picture must not learn the full path on
- * this machine. For a product of a session, this is a part such as
+/* Returns the end of a path. The full path is not written, because the recipient of a picture must
+ * not learn it. For a product of a session, the result is such as
  * "weave.session/products/eigenmaps.exr". For any other file, it is the name of the file. */
 static char *shown_name(const char *path) {
     g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
@@ -74,8 +74,8 @@ static char *drawn_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* Describes the materials of a scene, "floor=weave.session, 4 tiles; …". Returns NULL if there are
- * none. */
+/* Returns a description of the materials of a scene, such as "floor=weave.session, 4 tiles; …".
+ * Returns NULL if there are none. */
 static char *materials_of(const struct viewer_options *o) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < o->n_bindings; k++) {

@@ -29,15 +29,15 @@ const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 2
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255),
                          IM_COL32(255, 210, 80, 255)};
 
-/* Radius of a dialog's corners, and distance from which the mouse grips a dot. Both are multiplied
- * by scale. */
+/* Radius of a dialog's corners, and distance within which the mouse takes hold of a dot. Both are
+ * multiplied by `scale`. */
 const float ROUNDING = 4.0F, GRIP = 10.0F;
 
 float scale = 1.0F; /* see ui_scale() */
 
-/* Returns the factor for fonts and widgets. Where windows are measured in pixels, this factor is
- * the scale of the display. On other systems, the framebuffer is already larger than the window by
- * that scale, so the factor is 1. */
+/* Returns the factor by which fonts and controls are enlarged. On systems that measure windows in
+ * pixels, this factor is the scale of the display. On other systems, it is 1, because the
+ * framebuffer is already larger than the window by the scale of the display. */
 float scale_of(struct GLFWwindow *window) {
     float across = 1.0F, down = 1.0F;
     int width = 0, height = 0, pixels_across = 0, pixels_down = 0;

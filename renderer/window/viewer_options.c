@@ -140,7 +140,7 @@ static gboolean has_views(const char *session) {
     return g_file_test(btf, G_FILE_TEST_IS_DIR);
 }
 
-/* Sets the methods of --method, --split and --difference. */
+/* Sets the methods from --method, --split and --difference. */
 static gboolean parse_methods(struct viewer_options *o, GError **error) {
     const char *second = o->split != NULL ? o->split : o->difference;
     o->argument = o->sample ? viewer_options_sample() : o->rest != NULL ? o->rest[0] : NULL;
@@ -163,8 +163,9 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
         o->argument != NULL) { /* use the method of the file, or a method of the session */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* While a session is captured, the window makes eigen-maps of the views that exist,
-             * unless there is a local PCA. --live and --plain are only for eigen-maps. */
+            /* While a session is captured, the window makes eigen-maps of the views that exist. If
+             * there is a local PCA, the window shows the local PCA instead. --live and --plain are
+             * possible only with eigen-maps. */
             const struct method *made = method_of_session(o->argument);
             if (!o->live && !o->settings.plain && made != NULL &&
                 (o->render != NULL || made == method_find("lpca") || !has_views(o->argument)))

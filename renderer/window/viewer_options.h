@@ -9,8 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    /* `mdf` is the path as given. `mdf_path` is the path of the file that is read; this file need
-     * not exist. */
+    /* `mdf` is the argument of --mdf as given. `mdf_path` is the path of the file that is read.
+     * This file may not exist. */
     char *mdf, *mdf_path;
     /* `index` is the argument of --index as given: a file or the directory of a session.
      * `index_path` is the path of the file. */
@@ -22,7 +22,8 @@ struct viewer_options {
     char **materials; /* as given */
     struct scene_binding bindings[VIEWER_MAX_MATERIALS - 1];
     int n_bindings;
-    /* names of the second method as given; at least one of the two is NULL */
+    /* names of the second method, as given by --split or by --difference; at least one of them is
+     * NULL */
     char *split, *difference;
     const struct method *second;
     struct compose compose;
@@ -30,11 +31,11 @@ struct viewer_options {
     gboolean measured, live, with_panel; /* options of these names */
     gint64 started_us;                   /* g_get_monotonic_time() at the start of the program */
     char *series_text;                   /* the text of --series as given */
-    int series[SERIES_MAX], n_series;    /* n_series percentages of the views */
-    double wait_s;                       /* longest time without a new view in a series */
-    /* Numbers as given, or 0. `frames` is the number of pictures. `close_after` is the number of
-     * frames after which the window closes. `supersample` is the number of samples of a pixel in
-     * each direction. `sheet` is the number of columns of a sheet. */
+    int series[SERIES_MAX], n_series;    /* n_series percentages of the planned views */
+    double wait_s;                       /* longest time in s without a new view in a series */
+    /* Numbers as given, or 0: `frames` is the number of pictures, `close_after` the number of
+     * frames after which the window closes, `supersample` the number of samples of a pixel in each
+     * direction, and `sheet` the number of columns of a sheet. */
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, light_turn, camera_turn, json, sample, force;
     struct viewer_settings settings;
@@ -47,33 +48,33 @@ struct viewer_options {
 /* Initializes options before parsing. */
 void viewer_options_init(struct viewer_options *options);
 
-/* Sets the default brightness of the first lamp and of the even sky. Both are 0 with an
- * environment. */
+/* Sets the brightness of the first lamp and of the even sky to their defaults. The defaults are 0
+ * if `environment` is TRUE. */
 void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
-/* Returns entries for an option group that has the options as its data. Free the entries with
- * g_free(). */
+/* Returns the entries of an option group. The data of this group must be the options. Free the
+ * entries with g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* Sets defaults, and checks which options exclude each other. Call this function after parsing. The
- * error names the options. */
+/* Sets defaults, and checks that no options are given that exclude each other. Call this function
+ * after parsing. The error names the options. */
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
 /* Returns the number of rows of the sheet, or 1 without --sheet. */
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Returns the material of --sample, which comes with the package or is the demo of a source tree.
- * Returns NULL if neither exists. */
+/* Returns the material of --sample. It comes with the package, or is the material of the demo in a
+ * source tree. Returns NULL if neither exists. */
 const char *viewer_options_sample(void);
 
 /* Returns the path of the file that a method opens. */
 char *viewer_options_path(const struct viewer_options *options, const struct method *method);
 
-/* Returns the file of --index, which may name the directory of a session. Returns NULL if --index
- * was not given. Free it with g_free(). */
+/* Returns the path of the index map of --index. The argument of --index may be a file or the
+ * directory of a session. Returns NULL if --index was not given. Free it with g_free(). */
 char *viewer_options_index(const struct viewer_options *options);
 
-/* Returns whether --render writes linear light (.exr) and not a picture with a tone curve
- * (.png). */
+/* Returns whether --render writes linear light (.exr). Otherwise it writes a picture with a tone
+ * curve (.png). */
 gboolean viewer_options_light(const struct viewer_options *options);

@@ -8,8 +8,8 @@
 #define MIN_PICTURE                                                                                \
     64 /* minimum width of the picture in pixels; the panel is hidden if less would be left */
 
-/* Returns the width of the panel, at the left of the window, in framebuffer pixels. Returns 0 if
- * the panel is folded or hidden. */
+/* Returns the width in framebuffer pixels of the panel, which is at the left of the window. Returns
+ * 0 if the panel is folded or hidden. */
 static int panel_pixels(const struct window *w) {
     int width, height, pixels, unused;
     glfwGetWindowSize(w->glfw, &width, &height);
@@ -47,7 +47,7 @@ static void on_glfw_error(int code, const char *text) {
     g_debug("GLFW %d: %s", code, text);
 }
 
-/* Opens the window. GLFW, like EGL's display, stays initialised until the process ends. */
+/* Opens the window. GLFW stays initialised until the process ends, as EGL's display does. */
 static GLFWwindow *open_window(const struct viewer_options *options, GError **error) {
     const char *text = NULL;
     if (!gpu_find_library(TRUE, error))
@@ -86,8 +86,8 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
     return glfw;
 }
 
-/* Computes the histogram. Each count is divided by the count of the fullest bin. The square roots
- * of these quotients are shown, so that small bins stay visible. */
+/* Computes the histogram of a picture. Each count is divided by the largest count. The histogram
+ * shows the square roots of these quotients, so that small counts stay visible. */
 static void count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
@@ -99,10 +99,10 @@ static void count_levels(struct window *w, const guint8 *rgb) {
         w->histogram[k] = sqrtf((float)counts[k] / (float)most);
 }
 
-/* The camera's distance is fitted to a shape once, so that the shape keeps its size while the user
- * turns it. When the aspect of the picture changes (because of the panel or the window), the
- * distance is multiplied by the same factor by which the distance of a fitted camera would
- * change. */
+/* Sets the camera's distance. The distance is fitted to a shape only once, so that the shape keeps
+ * its size while the user turns it. The aspect of the picture changes with the size of the panel
+ * and of the window. The distance is then multiplied by the factor by which the distance of a
+ * fitted camera would change. */
 static void fit(struct window *w, double aspect) {
     struct viewer_settings *s = &w->now.settings;
     if (s->camera_distance == 0.0) {
@@ -136,8 +136,8 @@ static gboolean draw_scene(struct window *w, int width, int height, struct windo
     return rgb != NULL || !w->panel;
 }
 
-/* Sets the title only when it changes, because setting it is an event that would wake the loop for
- * the next frame. */
+/* Sets the title only when it changes. Setting it causes an event, which would wake the loop for
+ * another frame. */
 static void set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->now.shape); /* a path if the shape is a file */
@@ -200,8 +200,8 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
     return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
-/* Opens the requested shape. If this fails, opens the default shape and shows the reason. With
- * close_after, fails instead. */
+/* Opens the requested shape. If it cannot be opened, opens the default shape and shows the reason.
+ * If close_after is set, fails instead. */
 static gboolean set_first_shape(struct window *w, GError **error) {
     window_set_shape(w, w->now.shape, &w->now.settings);
     if (w->mesh != NULL)

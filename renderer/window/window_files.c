@@ -9,17 +9,18 @@
 #define MAX_FILES 5000 /* largest number of rows */
 
 struct files_row {
-    /* `name` is the name of the file, and `shown` the text of the row in UTF-8 */
+    /* `name` is the name of the file. `shown` is the text of its row, in UTF-8. */
     char *name, *shown;
     gboolean is_folder, is_session;
 };
 
 struct window_files {
     enum chooser_what what;
-    char *folder;     /* absolute path of the listed folder */
-    GPtrArray *rows;  /* of struct files_row */
-    char *problem;    /* problem of the folder, or NULL */
-    char line[4096];  /* text of the input line: a path, or a name in the folder */
+    char *folder;    /* absolute path of the listed folder */
+    GPtrArray *rows; /* of struct files_row */
+    char *problem;   /* problem of the folder, or NULL */
+    /* text of the input line: an absolute path, or a path relative to the folder */
+    char line[4096];
     gboolean focus;   /* the input line must take the keyboard in the next frame */
     gboolean entered; /* Enter was pressed */
 };
@@ -102,13 +103,15 @@ void window_files_clear(struct window *w) {
     g_free(files);
 }
 
-/* Returns the absolute path of name. name is a path relative to the folder, or an absolute path. */
+/* Returns the absolute path of name. If name is relative, it is relative to the folder of the list.
+ */
 static char *files_path(const struct window_files *files, const char *name) {
     g_autofree char *local = g_filename_from_utf8(name, -1, NULL, NULL, NULL);
     return g_canonicalize_filename(local != NULL ? local : name, files->folder);
 }
 
-/* Saves or opens a file, or enters a folder that is not a session. */
+/* Acts on a chosen path: enters a folder, or saves or opens a file. When a file is to be opened, a
+ * session is also opened, and not entered. */
 static void files_take(struct window *w, const char *path) {
     struct window_files *files = w->files;
     const gboolean is_folder = g_file_test(path, G_FILE_TEST_IS_DIR);

@@ -35,16 +35,16 @@ const struct window_key window_keys[] = {
     {NULL, NULL},
 };
 
-/* Returns the window of an event. The next frames are drawn, because the event may change the
- * panel. */
+/* Returns the window for which an event came. The next frames are drawn, because the event may
+ * change the panel. */
 static struct window *window_input_of(GLFWwindow *glfw) {
     struct window *w = glfwGetWindowUserPointer(glfw);
     w->frames_due = WINDOW_FRAMES;
     return w;
 }
 
-/* Removes a message that is not an error when a key or button is pressed, because the user has read
- * it. */
+/* Called when a key or button is pressed. Removes a message that is not an error, because the user
+ * has then read it. */
 static void pressed(struct window *w) {
     if (w->message != NULL && !w->is_error)
         window_tell(w, NULL);
@@ -130,7 +130,8 @@ static void reset(struct window *w) {
     window_relight(w);
 }
 
-/* Handles keys with Ctrl, by the letter printed on the key, for keyboards of any country. */
+/* Handles keys with Ctrl. A key is identified by the letter that is printed on it, so that the
+ * keyboards of all countries work. */
 static void on_chord(struct window *w, int key, int scancode, int mods) {
     const char *name = glfwGetKeyName(key, scancode);
     const char letter = name != NULL && name[1] == '\0' ? g_ascii_tolower(name[0]) : '\0';
@@ -180,7 +181,8 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         w->panel = !w->panel;
 }
 
-/* Handles keys by their character, because keyboard layouts place letters and signs differently. */
+/* Handles keys that give a character. A key is identified by its character, because keyboard
+ * layouts place letters and signs differently. */
 static void on_character(GLFWwindow *glfw, unsigned character) {
     struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->now.settings;

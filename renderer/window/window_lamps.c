@@ -16,8 +16,8 @@ void window_relight(struct window *w) {
     w->stale = TRUE;
 }
 
-/* Sets the environment and takes ownership of it. If environment is NULL, removes the present
- * environment; name is then also NULL. */
+/* Sets the environment and takes ownership of it. NULL for both arguments removes the present
+ * environment. */
 void window_set_environment(struct window *w, struct environment *environment, const char *name) {
     struct viewer_settings *s = &w->now.settings;
     const gboolean had = w->environment != NULL, first = !w->first_open;
@@ -26,8 +26,8 @@ void window_set_environment(struct window *w, struct environment *environment, c
     w->now.environment = name != NULL ? g_string_chunk_insert_const(w->texts, name) : NULL;
     if (name != NULL && !g_strv_contains(environment_names, name))
         w->own_environment = w->now.environment;
-    /* this environment is from the command line, which also gives the brightness of the lamp and
-     * the sky */
+    /* This is the environment of the command line. The brightness of the lamp and of the sky are
+     * then those of the command line, too. */
     if (first) {
         s->lamp = w->start->settings.lamp;
         s->ambient = w->start->settings.ambient;
@@ -57,7 +57,8 @@ void window_add_lamp(struct window *w) {
 void window_remove_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
     if (w->lamp == 0) {
-        s->lamp = 0.0; /* switch it off; setting the brightness switches it on again */
+        /* the first lamp is only switched off; setting its brightness switches it on again */
+        s->lamp = 0.0;
     } else if (w->lamp > w->n_lamps) {
         window_set_environment(w, NULL, NULL);
     } else {
@@ -122,7 +123,7 @@ static void draw_glyph(struct window *w) {
         window_move_lamp(w, theta - dots[held].theta_deg, phi - dots[held].phi_deg);
 }
 
-/* Draws a slider for a value of any lamp, with the label, range and format that settings_table has
+/* Draws a slider for a value of a lamp. Label, range and format are those that settings_table has
  * for the first lamp. */
 static void lamp_slider(struct window *w, enum setting_id id, double *value) {
     const struct setting *setting = &settings_table[id];

@@ -71,17 +71,18 @@ void window_open(struct window *w, const char *path) {
     file_opened_clear(&file);
 }
 
-/* Returns whether a session was given at the start that does not have the product at path yet. The
- * window then shows eigen-maps of the existing views. */
+/* Returns whether the window shows eigen-maps of the existing views, because a session was given at
+ * the start that does not have the product at path yet. */
 static gboolean is_being_captured(const struct window *w, const char *path) {
     return w->session != NULL && w->start->method == methods[0] &&
            !g_file_test(path, G_FILE_TEST_EXISTS);
 }
 
-/* Returns whether MATERIAL of the command line has to be opened as a material. If MATERIAL is
+/* Returns TRUE if MATERIAL of the command line has to be opened as a material. If MATERIAL is
  * another kind of file, opens it and returns FALSE. If MATERIAL cannot be opened, shows the error
- * and returns FALSE. With close_after, always returns TRUE, so that opening MATERIAL as a material
- * gives the error. */
+ * and returns FALSE.
+ *
+ * With close_after, always returns TRUE. Opening MATERIAL as a material then gives the error. */
 static gboolean has_material(struct window *w) {
     const struct viewer_options *o = w->start;
     struct file_opened file;
@@ -104,8 +105,8 @@ static gboolean has_material(struct window *w) {
     return FALSE;
 }
 
-/* Opens the index map given at the start. Rounds the numbers of tiles to whole repetitions of the
- * map, unless the numbers were given. */
+/* Opens the index map given at the start. If the numbers of tiles were not given, rounds them to
+ * whole repetitions of the map. */
 static void window_open_index(struct window *w) {
     g_autoptr(GError) error = NULL;
     if (w->now.index_path == NULL)
@@ -119,7 +120,7 @@ static void window_open_index(struct window *w) {
         viewer_whole_tiles(w->viewer, &w->now.settings.tiles_u, &w->now.settings.tiles_v);
 }
 
-/* Opens the materials of a scene. The window shows them together, when all are read. */
+/* Opens the materials of a scene. The window shows the scene when all materials have been read. */
 static void window_open_scene(struct window *w) {
     const struct viewer_options *o = w->start;
     g_autoptr(GError) error = NULL;
@@ -196,8 +197,7 @@ void window_scale_tiles(struct window *w, double factor) {
     w->stale = TRUE;
 }
 
-/* Returns the folder that contains the present material, or the current directory if there is no
- * material. */
+/* Returns the folder of the present material, or the current directory if there is no material. */
 static char *window_folder(const struct window *w) {
     g_autofree char *whole =
         w->now.argument != NULL ? g_canonicalize_filename(w->now.argument, NULL) : NULL;

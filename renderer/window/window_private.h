@@ -23,8 +23,8 @@ enum window_page { WINDOW_NO_PAGE, WINDOW_START, WINDOW_KEYS, WINDOW_FILES };
 struct window {
     struct GLFWwindow *glfw;
     const struct viewer_options *start; /* options with which the program was started */
-    /* The settings, methods and files that are shown. The strings belong to `start` or to `texts`,
-     * and exist as long as the window. */
+    /* The settings, methods and files of the picture that is shown. The strings belong to `start`
+     * or to `texts`, and exist as long as the window. */
     struct viewer_options now;
     GStringChunk *texts;
     Ui *ui;
@@ -35,7 +35,8 @@ struct window {
     double aspect;
     Viewer *viewer, *second; /* `second` is NULL until a second material has been opened */
     struct mesh *mesh;
-    /* The shape that was given or opened: a file, or the name of a computed shape. */
+    /* The shape that was given at the start or opened later: a file, or the name of a computed
+     * shape. */
     const char *own_shape;
     char *session; /* directory of the session, or NULL */
     /* Paths of the files that are shown. While a method that needs no file is shown, `material` is
@@ -53,8 +54,8 @@ struct window {
     enum window_page page;
     /* Position and size of the window before full screen: x, y, width, height. */
     int before_full_screen[4];
-    /* Modification times in µs. `file_time` is that of the file that is shown, `asked_time` that of
-     * the file that is being opened, and `mdf_time` that of the MDF. */
+    /* Modification times in µs of three files: `file_time` of the file that is shown, `asked_time`
+     * of the file that is being opened, and `mdf_time` of the MDF. */
     gint64 file_time, asked_time, mdf_time;
     gint64 looked_us; /* time at which window_follow() last checked the files */
     Live *live; /* computes eigen-maps of a session that is being captured; NULL if there is none */
@@ -62,9 +63,10 @@ struct window {
     struct eigenmaps *live_maps; /* the latest eigen-maps of live; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    /* MATERIAL that is being opened. NULL means the MATERIAL of `now`. */
+    /* MATERIAL that is being opened. NULL stands for the MATERIAL of `now`. */
     const char *asked_argument;
-    gboolean first_open;           /* the material given at the start was opened, or has failed */
+    /* the material given at the start has been opened, or could not be opened */
+    gboolean first_open;
     enum compose_mode second_mode; /* mode that is set when the second material has been opened */
     gboolean outlines;             /* silhouettes are switched on when the MDF has been opened */
     struct mdf_source *mdf;        /* NULL if none was opened */
@@ -85,8 +87,8 @@ struct window {
     GPtrArray *recent;              /* list of WINDOW_START */
 };
 
-/* window_source.c: changes the materials, the MDF and the environment of the picture. After an
- * error, the window shows a message, and the picture stays as it was. */
+/* window_source.c: changes the materials, the MDF and the environment of the picture. If something
+ * cannot be opened, the window shows a message, and the picture stays as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
@@ -97,16 +99,16 @@ void window_ask_mdf(struct window *w, const char *path);
 void window_ask_environment(struct window *w, const char *name);
 /* Shows a session that is being captured: first a demonstration, then eigen-maps of its views. */
 void window_watch_session(struct window *w, const char *session);
-/* Shows files that the opener has opened since the last call. Returns FALSE with an error if a file
- * given at the start cannot be opened and the window has to close (close_after). */
+/* Shows a session that is being captured: first a material that needs no file, then eigen-maps of
+ * the session's views. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 
 /* window_open.c: opens a file that the user has chosen. */
 void window_open(struct window *w, const char *path);
 void window_open_first(struct window *w);
-/* Replaces the mesh by that of a shape. The numbers of tiles are those in the settings `tiles`, or
- * those of the shape if tiles is NULL. */
+/* Replaces the mesh by that of a shape. If tiles is not NULL, the numbers of tiles are those of
+ * these settings. Otherwise they are those of the shape. */
 void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
 void window_scale_tiles(struct window *w, double factor);
 void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialog */
@@ -136,8 +138,8 @@ void window_listen(struct window *w);
 /* window_panel.c */
 #define WINDOW_PANEL 300.0F /* width of the panel, multiplied by ui_scale() */
 void window_draw_panel(struct window *w, struct ui_box box);
-/* Draws the control of a setting. Returns TRUE if the user has changed the setting. The picture is
- * then drawn again. */
+/* Draws the control of a setting. If the user has changed the setting, returns TRUE, and the
+ * picture will be drawn again. */
 gboolean window_draw_setting(struct window *w, enum setting_id id);
 
 /* window_pages.c: dialogs, and the line of text at the bottom. */
@@ -155,7 +157,8 @@ void window_files_draw(struct window *w, struct ui_box picture);
 void window_files_clear(struct window *w);
 
 /* window_save.c */
-/* Saves the picture. force says that the user has agreed to replace an existing file. */
+/* Saves the picture. If force is TRUE, an existing file is replaced, because the user has agreed to
+ * this. */
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error);
 /* Saves the picture like window_save(), and shows the path or the error to the user. */
 void window_save_named(struct window *w, const char *path, gboolean force);
@@ -165,7 +168,7 @@ void window_screenshot(struct window *w); /* saves the picture under the next fr
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 
-/* In window.c. window_paint() draws the picture and the panel into the window's back buffer. */
+/* window.c: draws the picture and the panel into the window's back buffer. */
 void window_paint(struct window *w);
-/* Returns whether the panel is unfolded and there is room for it. */
+/* Returns whether the panel is unfolded and the window is wide enough for it. */
 gboolean window_has_panel(const struct window *w);

@@ -63,8 +63,9 @@ void window_save_named(struct window *w, const char *path, gboolean force) {
 }
 
 /* Returns the folder for pictures. Usually this is the current directory. If the current directory
- * cannot be written to, or is the user's home, it is the user's folder of pictures, if that can be
- * written to. The current directory of a program that the desktop has started is the home. */
+ * cannot be written to, or is the user's home, it is the user's folder of pictures. (A program that
+ * the desktop has started runs in the home.) If there is no folder of pictures that can be written
+ * to, it is the current directory after all. */
 static char *picture_folder(void) {
     g_autofree char *current = g_get_current_dir();
     const char *pictures = g_get_user_special_dir(G_USER_DIRECTORY_PICTURES);
@@ -74,8 +75,8 @@ static char *picture_folder(void) {
     return g_steal_pointer(&current);
 }
 
-/* Chooses the folder *ret_folder, and returns the first of the names NAME-001.png, NAME-002.png and
- * so on that is not used in this folder. Free both with g_free(). */
+/* Returns the first of the names NAME-001.png, NAME-002.png and so on that does not exist in the
+ * folder for pictures. Sets *ret_folder to this folder. Free both with g_free(). */
 char *window_picture_name(const struct window *w, char **ret_folder) {
     g_autofree char *base =
         g_path_get_basename(w->now.argument != NULL ? w->now.argument : w->material);

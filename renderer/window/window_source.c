@@ -32,8 +32,8 @@ void window_ask_environment(struct window *w, const char *name) {
     opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
 }
 
-/* Requests to open, for a method, the MATERIAL that is being opened. If none is being opened,
- * requests the MATERIAL that is shown. */
+/* Requests to open, for a method, the MATERIAL that is being opened, or otherwise the MATERIAL that
+ * is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     struct viewer_options options = w->now;
     if (w->asked_argument != NULL)
@@ -68,7 +68,8 @@ static void show_live(struct window *w) {
     window_say(w, good ? NULL : error->message);
 }
 
-/* While a session is captured, eigen-maps come from live_maps, because there is no file yet. */
+/* If eigen-maps of a session that is being captured are wanted, there is no file yet. live_maps are
+ * then shown instead. */
 void window_set_method(struct window *w, const struct method *method) {
     g_autofree char *product = w->live_maps != NULL ? method_path(methods[0], w->session) : NULL;
     if (method == methods[0] && product != NULL && time_of(product) < 0)
@@ -135,7 +136,7 @@ void window_watch_session(struct window *w, const char *session) {
     w->stale = TRUE;
 }
 
-/* The functions take_…() show what was opened for a place, and take it out of the job. */
+/* Each function take_…() shows what was opened for a place, and takes it out of the job. */
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     if (!viewer_set_method(w->viewer, o->method, o->material, error))
         return FALSE;
@@ -202,7 +203,7 @@ gboolean window_take_opened(struct window *w, GError **error) {
                                                                       take_mdf, take_environment};
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
-            /* Even after an error, the file is not opened again until it changes. */
+            /* Also set after an error, so that the file is not opened again until it changes. */
             w->file_time = w->asked_time;
         if (o->place == OPENER_MDF && why != NULL)
             w->outlines = FALSE;
@@ -269,9 +270,8 @@ void window_compare_measured(struct window *w) {
                    : "only a session has measured pictures to compare with; open a session first");
 }
 
-/* Takes new eigen-maps of a session that is being captured, and shows them unless the user has
- * chosen another method. If the file of the eigen-maps exists by then, stops following the
- * session. */
+/* Takes new eigen-maps of a session that is being captured. Shows them, unless the user has chosen
+ * another method. When the file of the eigen-maps exists, stops following the session. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;
