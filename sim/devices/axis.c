@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-/* interval between updates of the world by a moving axis */
+/* interval in µs between updates of the world by a moving axis */
 #define TICK_US     20000
 #define MIN_TICK_US 1000
 
@@ -30,11 +30,11 @@ struct sim_axis {
     gboolean mute; /* the axis does not answer the last command */
     int n_moves;
     gboolean stalls;
-    double from_deg, to_deg, speed0_deg_s; /* speed0_deg_s is the signed speed when braking began */
+    double from_deg, to_deg, speed0_deg_s; /* `speed0_deg_s`: signed speed when braking began */
     gint64 start_us, end_us;
     double speed_deg_s; /* top speed of this movement */
-    gboolean turning;   /* axis_turn() is under way, so the position is reported */
-    /* slack_deg is the angle by which the load lags behind the motor */
+    gboolean turning;   /* the movement was begun by axis_turn(), so the position is reported */
+    /* `slack_deg`: angle by which the load lags behind the motor */
     double position_deg, slack_deg;
 };
 
@@ -82,8 +82,8 @@ static gint64 sim_axis_to_us(double seconds) {
     return (gint64)ceil(seconds * 1e6);
 }
 
-/* Returns a hash of value and seed from −1 to 1. The hash uses only integer arithmetic, so it is
- * the same on every machine. */
+/* Returns a pseudo-random number from −1 to 1 that depends only on value and seed. The hash uses
+ * integer arithmetic, so the number is the same on every machine. */
 static double hash_unit(gint64 value, int seed) {
     guint64 x = (guint64)value * 0x9e3779b97f4a7c15u + (guint64)seed * 0xbf58476d1ce4e5b9u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -91,9 +91,9 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Returns the position error at deg. A part of at most 70 % of most_deg has one period per turn,
- * like the error of an eccentric bearing. A part of at most 30 % changes every 0.001°, like the
- * error of an uneven scale. */
+/* Returns the position error at deg. The error has two parts. One part, up to 70 % of most_deg, has
+ * one period per turn, like the error of an eccentric bearing. The other part, up to 30 % of
+ * most_deg, changes every 0.001°, like the error of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
         return 0;
@@ -103,7 +103,7 @@ static double position_error_deg(double deg, double most_deg, int seed) {
     return most_deg * (0.7 * smooth + 0.3 * uneven);
 }
 
-/* Rounds the position, so that the same command gives the same bits, no matter how many turns the
+/* The position is rounded, so that a command always leads to the same bits, however many turns the
  * axis has made before. */
 double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
     if (wraps)
@@ -116,8 +116,8 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
 
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed);
 
-/* Writes the position of the load to the world. off_deg is the present deflection of a load that
- * swings. */
+/* Writes the position of the load to the world. off_deg is the present deflection of the load if it
+ * swings after a stop. */
 static void update_world(Axis *axis, double off_deg) {
     struct sim_axis *sim = axis->device.priv;
     const gint64 now = clock_now_us(axis->device.clock);
@@ -149,7 +149,7 @@ static void go_to(struct sim_axis *sim, double deg) {
 }
 
 /* Returns the distance after t seconds of a move over d degrees with a trapezoidal speed profile.
- * *ret_speed is the speed at this time. Distance and speed are positive. */
+ * Sets *ret_speed to the speed at this time. Distance and speed are positive. */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
     double a = sim->motion.accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
@@ -163,8 +163,9 @@ static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
     return v * (t - ramp / 2);
 }
 
-/* Returns the position of the drive at now_us. *ret_speed is the signed speed of a moving drive, or
- * 0 if the drive brakes or its motion has ended. The phase must be MOVING or BRAKING. */
+/* Returns the position of the drive at now_us. The phase must be MOVING or BRAKING. Sets *ret_speed
+ * to the signed speed of a moving drive. If the drive brakes or its motion has ended, *ret_speed is
+ * 0. */
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
     double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
     double sign = sim->to_deg < sim->from_deg ? -1 : 1;
@@ -279,8 +280,8 @@ static void sim_axis_on_unanswered(gpointer data) {
     axis_report(axis, AXIS_FAULT, sim_unheard_error(&axis->device));
 }
 
-/* Returns whether the axis carries out a command. If the axis does not answer the command, a fault
- * is reported after SIM_UNHEARD_US. */
+/* Returns whether the axis carries out a command. If the axis does not answer the command, the
+ * driver reports a fault after SIM_UNHEARD_US. */
 static gboolean sim_axis_obeys(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     Clock *clock = axis->device.clock;
@@ -328,7 +329,7 @@ static gboolean sim_axis_stop(Axis *axis, GError **error) {
     double speed, a = sim->motion.accel_deg_s2;
     if (!sim_axis_obeys(axis))
         return TRUE;
-    /* An axis that has stalled silently does not answer. */
+    /* If a stall is silent, the stalled axis does not answer either. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
     if (sim->phase == HOMING || stands) { /* homing is slow, so the axis stops immediately */
@@ -388,7 +389,7 @@ static void sim_axis_close_axis(Axis *axis) {
     clock_cancel(axis->device.clock, &sim->unanswered);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
-    /* An axis that has not moved since it was opened stands where an earlier program left it. */
+    /* If the axis has not moved since it was opened, it stays where an earlier program left it. */
     if (sim->phase != STANDING)
         update_world(axis, 0);
     g_clear_pointer(&sim->world, world_unref);

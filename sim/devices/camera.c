@@ -24,14 +24,16 @@ struct sim_camera {
     gboolean gone;
     gint64 back_at_us;
     guint timer;
-    struct picture *picture; /* the picture that is being exposed or read out */
-    Frame *last; /* the last frame delivered without a fault; a stale picture repeats it */
+    /* the picture that is being exposed or read out; NULL if there is none */
+    struct picture *picture;
+    Frame *last; /* the last frame delivered without a fault; repeated by the fault `stale` */
     int n_rendered;
-    gint64 rendering_us; /* CPU time of the rendering */
+    gint64 rendering_us; /* CPU time in µs that the rendering took */
 };
 
-/* A struct picture is one exposure, which another thread renders. The picture is delivered when it
- * is due and rendered. It exists until the thread has finished, even if the camera was closed. */
+/* A struct picture is one exposure. Another thread renders it. The picture is delivered when it is
+ * rendered and its time has come. It exists until the thread has finished, even if the camera was
+ * closed. */
 struct picture {
     Camera *camera; /* NULL after the camera was closed or disarmed */
     World *world;
@@ -95,7 +97,7 @@ static void sim_camera_picture_free(struct picture *picture) {
 }
 
 /* Detaches a picture from its camera and frees it. If a thread is still rendering the picture,
- * on_rendered() frees it later. */
+ * on_rendered() frees it when the thread has finished. */
 static void picture_drop(struct picture *picture) {
     if (!picture)
         return;
@@ -145,7 +147,7 @@ static gboolean on_rendered(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Returns the processor time that the calling thread has used. */
+/* Returns the CPU time in µs that the calling thread has used. */
 static gint64 processor_us(void) {
     struct timespec now;
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -158,8 +160,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* g_main_context_invoke() would call on_rendered() in this thread while no main loop iteration
-     * owns the context. */
+    /* Not g_main_context_invoke(): while no main loop iteration owns the context, that function
+     * would call on_rendered() in this thread. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
@@ -173,7 +175,8 @@ static void on_due(gpointer data) {
         sim_camera_deliver(camera);
         return;
     }
-    /* Hold the clock only from here on, so that all cameras of a shot render at the same time. */
+    /* The clock is held only from here on, so that all cameras of a shot render at the same
+     * time. */
     picture->holds = TRUE;
     clock_hold(picture->clock);
 }
@@ -208,9 +211,8 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Returns the random delay of a shot in µs, which is at most jitter_ms. The delay comes from a hash
- * of the shot's number. The hash uses integer arithmetic, so that it is the same on every
- * machine. */
+/* Returns the random delay of a shot in µs, at most jitter_ms. The delay depends only on the number
+ * of the shot. The hash uses integer arithmetic, so the delay is the same on every machine. */
 static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
     guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -245,7 +247,8 @@ static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error)
     frame->cfa = camera->format.cfa;
     frame->bits = camera->format.bits;
     frame->black_level = camera->format.black_level;
-    /* Draw both random numbers for every picture, so that one fault does not shift the others. */
+    /* Both random numbers are drawn for every picture, so that the settings of one fault do not
+     * change the pictures with the other fault. */
     picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
     picture->lost = g_rand_double(sim->faults) < sim->fault_lost;
     sim->picture = picture;

@@ -21,7 +21,7 @@ struct pending {
     LampBank *bank;
     int index;
     gboolean on;
-    gboolean reached; /* the command has reached the device, and its answer is due */
+    gboolean reached; /* the device has received the command, and will answer */
     gboolean answers;
     guint timer;
 };
@@ -146,8 +146,9 @@ static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     }
     bank->warm_up_s = world_lamp_warm_up_s(sim->world);
-    /* Switch the lamps on and off, so that the world forgets when they were last on. If the world
-     * has existed longer than this device, that time may belong to another clock. */
+    /* The world remembers when each lamp was last on. If the world has existed longer than this
+     * device, this time may belong to another clock. The lamps are therefore switched on and off
+     * once. */
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; i < bank->n; i++) {
         world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);

@@ -21,7 +21,7 @@ struct sim_laser {
 struct pending {
     Laser *laser;
     gboolean on;
-    gboolean reached; /* the command has reached the device, and its answer is due */
+    gboolean reached; /* the device has received the command, and will answer */
     gboolean answers;
     guint timer;
 };
@@ -104,9 +104,9 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     return found;
 }
 
-/* Moves the laser to the place of the world file's laser with the name `place`. If `place` is the
- * name of this device, the laser returns to its own place. Returns FALSE with an error if there is
- * no such laser. Does nothing if the world is not open. */
+/* Moves the laser to the place of another laser in the world file, which has the name `place`. If
+ * `place` is the name of this device, the laser returns to its own place. Returns FALSE with an
+ * error if there is no such laser. Does nothing if the world is not open. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     if (!sim->world)

@@ -1,17 +1,17 @@
 /*
- * This fault of simulated devices imitates a line that fails: the answer to one command is lost,
- * and the device may then be dead for a while.
+ * A fault of simulated devices that imitates a line that fails. The answer to one command is lost.
+ * For a time after this, the device may be dead: it neither obeys nor answers.
  */
 #pragma once
 
 #include "drivers/device.h"
 
-/* Time after which the driver reports that a command was not answered. */
+/* Time in µs after which the driver reports that a command was not answered. */
 #define SIM_UNHEARD_US 500000
 
 struct sim_unheard {
-    int nth;       /* number of the command that loses its answer; 0: none */
-    double dead_s; /* time after command nth in which the device neither obeys nor answers */
+    int nth;       /* number of the command whose answer is lost, counted from 1; 0: none */
+    double dead_s; /* time in s after this command in which the device neither obeys nor answers */
     int n_commands;
     gint64 dead_until_us; /* end of the time dead_s, on the rig's clock */
 };
@@ -27,8 +27,8 @@ struct sim_unheard {
      "Fault: time after fault_unheard in which the device neither obeys nor answers"}
 /* clang-format on */
 
-/* Returns whether a command that reaches the device now is carried out. *ret_answers says whether
- * the command is answered. */
+/* Returns whether the device carries out a command that reaches it now. Sets *ret_answers to
+ * whether the device answers the command. */
 gboolean sim_unheard_obeys(struct sim_unheard *fault, const Clock *clock, gboolean *ret_answers);
 gboolean sim_unheard_is_dead(const struct sim_unheard *fault, const Clock *clock);
 /* Returns the error of a command that was not answered. */

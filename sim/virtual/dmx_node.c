@@ -42,7 +42,7 @@ struct VirtualDmx {
 };
 
 const char *virtual_dmx_address(int i) {
-    /* A process id has at most 22 bits, but the address has room for only 20 of them. */
+    /* A process id has up to 22 bits, but the address has space for only 20 of them. */
     const guint number = (guint)getpid() % (1u << 20) + (1u << 13);
     g_autofree char *address = g_strdup_printf("127.%u.%u.%u", number >> 13 & 255,
                                                number >> 5 & 255, (number & 31) << 3 | (guint)i);

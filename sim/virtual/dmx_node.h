@@ -13,18 +13,19 @@
 
 typedef struct VirtualDmx VirtualDmx;
 
-/* Returns an address of the loopback interface that depends on the process and on i, which is from
- * 0 to 7. Tests that run at the same time in different processes therefore get different
- * addresses. */
+/* Returns an address of the loopback interface that depends on the process and on i (0 to 7). Tests
+ * that run at the same time in different processes therefore get different addresses. */
 const char *virtual_dmx_address(int i);
 
 struct virtual_dmx_options {
     gboolean sacn;
     const char *address; /* address of the node, such as that of virtual_dmx_address() */
-    int universe, n;     /* `universe` is the first universe, and `n` the number of universes */
-    gboolean page_each;  /* Art-Net: each output in a reply of its own, as in Art-Net 4 */
-    gboolean multicast;  /* sACN: also joins the multicast groups of its universes, at `address` */
-    gboolean holds_last; /* sACN: keeps its levels after loss of data, as some receivers do */
+    int universe, n;     /* number of the first universe, and number of universes */
+    gboolean page_each;  /* Art-Net: each output has its own reply, as in Art-Net 4 */
+    /* sACN: the node also joins the multicast groups of its universes, at `address` */
+    gboolean multicast;
+    /* sACN: the outputs keep their levels after loss of data, as with some receivers */
+    gboolean holds_last;
 };
 
 VirtualDmx *virtual_dmx_new(const struct virtual_dmx_options *options, GError **error);
@@ -39,8 +40,8 @@ struct virtual_dmx_faults {
     int lose_answers;   /* n: every n-th answer is lost; 0: none is lost */
     int late_ms;        /* delay of answers */
     guint8 state;       /* these bits of GoodOutputA are inverted */
-    gboolean garbage;   /* sends packets that are no answers before each answer */
-    gboolean other;     /* answers with other universes */
+    gboolean garbage;   /* before each answer, packets are sent that are not answers */
+    gboolean other;     /* answers are for other universes */
 };
 void virtual_dmx_fail(VirtualDmx *node, const struct virtual_dmx_faults *faults);
 

@@ -40,7 +40,7 @@ void gcode_say(VirtualGcode *board, const char *format, ...) {
     g_queue_push_tail(&board->out, out);
 }
 
-/* Sends the lines that are due, with the faults that are set. */
+/* Sends the lines whose time has come, changed by the faults that are set. */
 static void flush_out(VirtualGcode *board) {
     struct gcode_out *out;
     while ((out = g_queue_peek_head(&board->out)) && out->at_us <= g_get_monotonic_time()) {
@@ -71,7 +71,8 @@ static double travelled(double way, double v, double a, double t) {
     return left <= ramp ? way - a * left * left / 2 : v * (t - ramp / 2);
 }
 
-/* Returns the duration of a motion that travelled() describes. */
+/* Returns the duration of a motion over `way` with the top speed v and the acceleration a, as
+ * travelled() describes it. */
 static double duration_s(double way, double v, double a) {
     return way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
 }
@@ -115,7 +116,7 @@ static void pop_block(VirtualGcode *board) {
     memmove(board->blocks, board->blocks + 1, (gsize)board->n_blocks * sizeof *board->blocks);
 }
 
-/* Brings the position up to date, and begins the next block when one has ended. */
+/* Updates the position to the present time. When a block has ended, begins the next block. */
 static void advance(VirtualGcode *board) {
     const gint64 now = g_get_monotonic_time();
     for (;;) {
@@ -172,7 +173,8 @@ gboolean gcode_extend(VirtualGcode *board, const double *to, double units_s, gin
         square += pow(to[i] - board->from[i], 2);
         along += (to[i] - board->to[i]) * (board->to[i] - board->from[i]);
     }
-    /* The motion can be prolonged if braking has not begun and the new end lies further away. */
+    /* The motion can be prolonged if braking has not begun, if the new end lies further in the
+     * direction of the motion, and if the speed is the same. */
     const gint64 ramp_us =
         (gint64)(MIN(board->units_s / board->units_s2, sqrt(board->way / board->units_s2)) * 1e6);
     if (board->motion != GCODE_MOVING || along < 0 || now > board->end_us - ramp_us ||
@@ -248,7 +250,7 @@ void gcode_begin_homing(VirtualGcode *board, guint axes) {
     board->state.n_homings++;
 }
 
-/* Moves the first complete line from the received bytes to ret. Returns FALSE if there is none. */
+/* Moves the first complete received line to ret. Returns FALSE if there is none. */
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size) {
     const char *end = strpbrk(board->rx->str, "\r\n");
     if (!end)
@@ -288,7 +290,7 @@ static gboolean open_wire(VirtualGcode *board) {
     return terminal_open(&board->terminal, board->port, board->options.resets_on_open);
 }
 
-/* If the board has resets_on_open, resets it when a program opens the port. */
+/* Resets a board with the option resets_on_open when a program opens the port. */
 static void watch_opening(VirtualGcode *board, short events) {
     const gboolean is_open = !(events & POLLHUP);
     if (board->options.resets_on_open && is_open && !board->was_open)
@@ -324,7 +326,7 @@ static gpointer gcode_run(gpointer data) {
             return NULL;
         if (fds[0].revents && read(board->wake[0], &byte, 1) < 0)
             return NULL;
-        /* poll() always returns at once for a wire with a closed slave. */
+        /* While no program has the port open, poll() returns at once, so a pause is made. */
         if (fds[1].revents & POLLHUP)
             g_usleep(1000);
         g_mutex_lock(&board->mutex);
@@ -367,7 +369,8 @@ VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GEr
     }
     boot(board, TRUE);
     board->deaf_until_us = 0;
-    /* the board has started before a program opened the port, so the banner is lost */
+    /* A real board starts before a program opens its port, so the program does not see the
+     * greeting. */
     g_queue_clear_full(&board->out, out_free);
     board->thread = g_thread_new("virtual-gcode", gcode_run, board);
     return board;

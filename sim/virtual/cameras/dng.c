@@ -5,7 +5,7 @@
 enum { BYTE = 1, ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 10 };
 
 struct out {
-    /* entries of 12 bytes each, and values that do not fit into them */
+    /* `entries`: 12 bytes for each tag. `more`: values that do not fit into an entry. */
     GByteArray *entries, *more;
     guint32 more_at; /* position of `more` in the file */
 };
@@ -17,7 +17,8 @@ static void put(GByteArray *to, int bytes, guint64 value) {
     }
 }
 
-/* Adds a tag of n values. Each rational is a numerator over 1000. */
+/* Adds a tag with n values. The values of a rational type are numerators; each denominator is
+ * 1000. */
 static void tag(struct out *out, guint16 number, int type, guint32 n, const guint32 *values) {
     static const int sizes[] = {[BYTE] = 1, [ASCII] = 1, [SHORT] = 2, [LONG] = 4};
     const gboolean ratio = type == RATIONAL || type == SRATIONAL;
@@ -75,7 +76,7 @@ GBytes *dng_new(const struct dng *dng) {
     text(&out, 271, "Mesorig");
     text(&out, 272, "Test");
     TAG(273, LONG, more_at + room);
-    TAG(274, SHORT, 6); /* rotation by a quarter turn, which must be ignored */
+    TAG(274, SHORT, 6); /* orientation: a quarter turn, which a reader must ignore */
     TAG(277, SHORT, 1);
     TAG(278, LONG, height);
     TAG(279, LONG, 2 * width * height);

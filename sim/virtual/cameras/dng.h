@@ -1,7 +1,6 @@
 /*
- * This module makes a DNG 1.4 file as a camera does, byte by byte according to Adobe's
- * specification. The file is a TIFF with one uncompressed strip of 16 bits. Any thread may call the
- * function.
+ * Makes a DNG 1.4 file as a camera does, byte by byte according to Adobe's specification. The file
+ * is a TIFF with one uncompressed strip of 16 bits. Any thread may call the function.
  */
 #pragma once
 
@@ -11,10 +10,12 @@ struct dng {
     int width, height;     /* size of the whole picture */
     const guint16 *values; /* height × width */
     const char *cfa;       /* "rggb", or "mono" */
-    /* black is the level of each position in the 2 × 2 cell of the active area */
+    /* `black`: black level of each position in the 2 × 2 cell of the active area. `white`: value of
+     * a saturated pixel. */
     guint32 black[4], white;
-    int top, left; /* origin of the active area, which extends to the last row and column */
-    /* if not 0: the filter's pattern is written as repeat × repeat pixels, all green */
+    int top, left; /* first row and column of the active area, which extends to the last ones */
+    /* A fault: if not 0, the pattern of the colour filters is written as repeat × repeat green
+     * pixels. */
     int repeat;
 };
 

@@ -1,12 +1,15 @@
 /*
  * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in separate
- * threads and in real time. It has GVCP with discovery, registers, heartbeat and packet resend. It
- * has GVSP with test packets. It serves its own GenICam file. The pictures come from the function
- * options->picture.
+ * threads and in real time:
+ * - GVCP with discovery, registers, heartbeat and packet resend
+ * - GVSP with test packets
+ * - a GenICam file of its own
  *
- * Aravis also has a fake camera. But the fake camera has no resend, no time stamp latch, no
- * exposure that takes time and no trigger line, so tests of these functions need another camera.
- * The fake camera also does not answer on its control channel while it makes a picture.
+ * The pictures come from the function options->picture.
+ *
+ * Aravis also has a fake camera. It has no resend, no time stamp latch, no exposure that takes time
+ * and no trigger line, so it cannot test these functions. While it makes a picture, it does not
+ * answer on its control channel.
  *
  * Any address of 127.0.0.0/8 can be used without setting up a network. Any thread may call these
  * functions, except virtual_gige_new() and virtual_gige_free().
@@ -26,18 +29,18 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGige, virtual_gige_free)
 
-/* Returns the value of "device" for a section of a rig file. A section may also give "GE-" and the
- * serial number. */
+/* Returns the address, which is a value of "device" for a section of a rig file. Another possible
+ * value is "GE-" and the serial number. */
 const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);
 
-/* Simulates another program: with steal TRUE it takes control of the camera, and with steal FALSE
- * it releases the camera. */
+/* Simulates another program. If steal is TRUE, this program takes control of the camera. If steal
+ * is FALSE, it releases the camera. */
 void virtual_gige_steal(VirtualGige *camera, gboolean steal);
 
-/* Switches the power off, and on again after down_ms. Does not wait. All registers then have their
- * initial values. */
+/* Switches the power off, and on again after down_ms. All registers then have their initial values.
+ * The function does not wait. */
 void virtual_gige_restart(VirtualGige *camera, int down_ms);
 
 /* Sends a pulse to the input "Line0". */

@@ -120,8 +120,8 @@ static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_i
            camera->controller.sin_port == from->sin_port;
 }
 
-/* Carries out a GVCP request. data is the request without its header. ret receives the *ret_size
- * bytes of the answer without its header. Returns the status of the answer. */
+/* Carries out a GVCP request. data is the request without its header. Sets ret to the answer
+ * without its header, and *ret_size to its number of bytes. Returns the status of the answer. */
 static guint answer(VirtualGige *camera, enum command command, const guint8 *data, gsize size,
                     const struct sockaddr_in *from, guint8 *ret, gsize *ret_size) {
     gboolean writes = command == WRITE || command == WRITE_MEMORY;

@@ -38,18 +38,18 @@
 #define GVBS_END 0x1000
 
 #define MAX_PACKET    9000
-#define GIGE_OVERHEAD 36        /* bytes of a stream packet for IP, UDP and GVSP */
+#define GIGE_OVERHEAD 36        /* bytes for IP, UDP and GVSP in a stream packet */
 #define GIGE_TICKS_HZ 125000000 /* one tick is 8 ns */
 
 struct VirtualGige {
-    struct imager imager; /* imager.mutex guards memory and the members that follow it */
+    struct imager imager; /* imager.mutex guards `memory` and all members below it */
     char *address;
     int control, discovery, stream, wake[2];
     GThread *answerer;
 
     guint8 memory[GVBS_END];
     gboolean has_controller, stolen; /* `stolen`: another program has taken control */
-    int down_ms;                     /* time without power of a restart that was requested, or 0 */
+    int down_ms;                     /* length of a power cut that was requested, or 0 */
     struct sockaddr_in controller;
     gint64 heard_us; /* time of the last request of the controller */
     GRand *rand;
@@ -87,7 +87,7 @@ static inline guint64 gige_ticks(gint64 at_us) {
     return (guint64)at_us * (GIGE_TICKS_HZ / 1000000);
 }
 
-/* Call all of the following functions with the mutex locked. */
+/* Call all functions below with the mutex locked. */
 
 /* gige_control.c */
 extern const struct imager_transport gige_transport;

@@ -18,21 +18,21 @@ static void send_packet(VirtualGige *camera, const guint8 *packet, gsize size) {
     sendto(camera->stream, packet, size, 0, (struct sockaddr *)&to, sizeof to);
 }
 
-/* Returns the number of bytes of a picture in one packet, or 0 if the packet size is not
- * possible. */
+/* Returns the number of bytes of a picture that a packet contains. Returns 0 if the packet size is
+ * not possible. */
 static gsize data_size(const VirtualGige *camera) {
     gsize packet = gige_reg(camera, GVBS_PACKET_SIZE) & 0xffff;
     return packet > GIGE_OVERHEAD && packet <= MAX_PACKET ? packet - GIGE_OVERHEAD : 0;
 }
 
-/* Returns the block id of a picture. Ids have 16 bits and start again at 1. The first id is close
- * to 65535, so that tests reach the wrap. */
+/* Returns the block id of a picture, from 1 to 65535. After 65535, the ids begin again at 1. The
+ * first picture has an id close to 65535, so that tests reach this point. */
 static guint gige_id(const struct imager_picture *kept) {
     return (guint)((kept->id + FIRST_ID - 1) % 65535) + 1;
 }
 
-/* Returns the number of packets of a picture with its leader and trailer, or 0 if the picture
- * cannot be sent. */
+/* Returns the number of packets of a picture, including its leader and trailer. Returns 0 if the
+ * picture cannot be sent. */
 static guint n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
     gsize data = data_size(camera);
     if (data == 0)

@@ -93,9 +93,9 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* Makes picture->data from the chosen region of the sensor's picture. The sensor's picture is a
- * ramp if options->picture is NULL. If processed is TRUE, values are squared, relative to full
- * scale. Then shift is added, which is the change of BlackLevel in DN. */
+/* Makes picture->data from the chosen region of the sensor's picture. If options->picture is NULL,
+ * the sensor's picture is a ramp. If processed is TRUE, values are squared, relative to full scale.
+ * After this, shift is added: the change of BlackLevel in DN. */
 static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                  gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
@@ -140,7 +140,8 @@ static void keep(struct imager *imager, struct imager_picture *picture) {
     imager->kept[0] = *picture;
 }
 
-/* Waits until a time of g_get_monotonic_time(). Returns FALSE if the imager was stopped. */
+/* Waits until a time of g_get_monotonic_time(). Returns FALSE if the acquisition or the imager was
+ * stopped. */
 static gboolean wait_until(struct imager *imager, gint64 until_us) {
     while (!imager->quit && imager_reg(imager, REG_ACQUISITION) == 1)
         if (!g_cond_wait_until(&imager->cond, &imager->mutex, until_us))
@@ -148,10 +149,12 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
     return FALSE;
 }
 
-/* Exposes a picture, keeps it and sends it. Takes no picture if the format is not possible, if the
- * chosen region is not within the sensor, or if the acquisition ends before the exposure does. With
- * the fault late_us, a picture is not sent if the acquisition ends before it is due. The mutex must
- * be locked. It is unlocked during waits and while the picture is made. */
+/* Exposes a picture, keeps it and sends it. The mutex must be locked. It is unlocked during waits
+ * and while the picture is made.
+ *
+ * Takes no picture if the format is not possible, if the chosen region is not within the sensor, or
+ * if the acquisition ends before the exposure does. The fault late_us delays the sending. If the
+ * acquisition ends during this delay, the picture is not sent. */
 static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,

@@ -13,22 +13,21 @@ struct virtual_exposure {
     double gain_db;
 };
 
-/* Fills ret_pixels with height × width values of the sensor. The values have the sensor's number of
- * bits, and the black level options.black_level. Called in the camera's thread when an exposure is
- * over. */
+/* Sets ret_pixels to height × width values of the sensor, with the sensor's number of bits and the
+ * black level options.black_level. Called in the camera's thread when an exposure has ended. */
 typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer data,
                                guint16 *ret_pixels);
 
 #define VIRTUAL_PROCESSING 16
 
-/* A camera function that alters pictures, as in the description files of makers. While any of its
- * registers differs from its neutral value, brightness is squared. The struct must live longer than
- * the camera. */
+/* A function of a camera that alters pictures, such as cameras of some makers have. While any of
+ * its registers differs from its neutral value, brightness is squared. The struct must exist longer
+ * than the camera. */
 struct virtual_processing {
-    const char *xml; /* elements of a GenICam file, with a category ImageProcessing */
+    const char *xml; /* elements of the GenICam file, with a category ImageProcessing */
     /* Registers of 4 bytes from 0x1140 on. */
     guint32 first[VIRTUAL_PROCESSING], neutral[VIRTUAL_PROCESSING];
-    guint fixed;       /* bit i: register i keeps its value when it is written */
+    guint fixed;       /* bit i: register i cannot be changed */
     gboolean grey_too; /* a colour camera offers Mono formats in addition to its Bayer formats */
 };
 
@@ -42,14 +41,14 @@ struct virtual_camera_options {
     const struct virtual_processing *processing; /* NULL if there is none */
 };
 
-/* The faults that the function virtual_…_fail() sets. Members of type int, except mtu, are numbers
- * of pictures or triggers that will be affected. Each affected picture or trigger decreases the
- * number by one. */
+/* The faults that virtual_gige_fail() and virtual_u3v_fail() set. Members of type int, except mtu,
+ * are numbers of pictures or triggers to which the fault will happen. The number decreases by one
+ * each time. */
 struct virtual_camera_faults {
-    int cut;             /* pictures that end in the middle and cannot be resent */
+    int cut;             /* pictures that end in the middle, and whose packets are not resent */
     int blind;           /* triggers that are acknowledged but make no picture */
     int old;             /* pictures that repeat the previous one, with its time stamp */
-    gint64 ahead_us;     /* time by which time stamps of pictures are in the future */
+    gint64 ahead_us;     /* time by which time stamps of pictures lie in the future */
     gint64 late_us;      /* extra delay before a picture is sent */
     int odd;             /* pictures that report a smaller width than they have */
     gboolean stamps_end; /* time stamps mark the end of the exposure, as with some makers */
@@ -59,10 +58,11 @@ struct virtual_camera_faults {
     double rounding_us;  /* exposures are rounded to multiples of this time; 0 means 1 µs */
 
     /* Only for GigE Vision. */
-    double loss;        /* share of the packets of pictures that is lost */
+    double loss;        /* share of the pictures' packets that is lost, 0 … 1 */
     gboolean no_resend; /* packets are not resent on request */
     gboolean unplugged; /* no packet arrives */
-    int mtu;            /* size above which packets are lost, bytes; 0: no limit */
+    /* largest size of a packet in bytes; larger packets are lost; 0: no limit */
+    int mtu;
 
     /* Only for USB3 Vision. */
     int headless; /* pictures without their leader */

@@ -2,8 +2,8 @@
 
 #define NAMESPACE "http://www.genicam.org/GenApi/Version_1_1"
 
-/* The features that all cameras have. Names are separated by spaces, as in all lists of names in
- * this file. */
+/* The features that all cameras have. In all lists of names in this file, names are separated by
+ * spaces. */
 static const char features[] =
     "DeviceVendorName DeviceModelName DeviceSerialNumber DeviceID SensorWidth SensorHeight Width "
     "Height OffsetX OffsetY PixelFormat PayloadSize AcquisitionMode AcquisitionStart "
@@ -50,8 +50,8 @@ static void add_integer(struct imager_xml *xml, const char *name, guint address,
     imager_xml_integer(xml, name, address, 4, access, limits);
 }
 
-/* Adds a feature with a register that counts fractions of a unit. The register has value ×
- * parts. */
+/* Adds a feature whose register counts parts of a unit. The value of the register is the feature's
+ * value × parts. */
 static void add_float(struct imager_xml *xml, const char *name, guint address, const char *unit,
                       double parts, double max) {
     g_string_append_printf(xml->text,
@@ -63,8 +63,8 @@ static void add_float(struct imager_xml *xml, const char *name, guint address, c
     add_register(xml, name, address, "RW");
 }
 
-/* Adds a choice. entries has the names in the order of their values. If address is 0, the choice is
- * fixed to value 0 and has no register. */
+/* Adds an enumeration. entries has the names of the values 0, 1 and so on. If address is 0, the
+ * enumeration has no register, and its value is always 0. */
 static void add_choice(struct imager_xml *xml, const char *name, guint address,
                        const char *entries) {
     g_auto(GStrv) names = g_strsplit(entries, " ", -1);

@@ -3,8 +3,8 @@
 #include <string.h>
 
 /* Codes of the Pixel Format Naming Convention. The low two bytes of a code are the number of the
- * format. The byte above them is the number of bits that a pixel occupies. This table is written
- * independently of the table in the driver, so that an error in either table is found. */
+ * format. The next byte is the number of bits of a pixel in memory. The driver has a table of its
+ * own, so that an error in either table is found. */
 enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {

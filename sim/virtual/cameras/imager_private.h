@@ -1,4 +1,4 @@
-/* The part of virtual GenICam cameras that is the same on every bus. imager.c has the registers,
+/* The parts of virtual GenICam cameras that are the same on every bus. imager.c has the registers,
  * the trigger, the exposure and the pictures. imager_genicam.c makes the GenICam file that
  * describes the registers. imager_pixels.c writes pictures as bytes. */
 #pragma once
@@ -46,7 +46,7 @@ struct imager_picture {
     gboolean cut; /* the picture ends in its middle */
 };
 
-/* The bus that transmits pictures. Its functions are called with the mutex locked. */
+/* How pictures are sent on a bus. The functions are called with the mutex locked. */
 struct imager_bus {
     /* Sends the beginning of a picture before its data exist (virtual_camera_faults.announces). */
     void (*announce)(const struct imager_picture *picture, gpointer data);
@@ -113,8 +113,8 @@ struct imager_transport { /* the parts of the file that depend on the bus */
     void (*add)(struct imager_xml *xml);
 };
 
-/* Returns the GenICam file. processing has further elements, or is NULL. Free the result with
- * g_free(). */
+/* Returns the GenICam file. processing describes further elements of the file, or is NULL. Free the
+ * result with g_free(). */
 char *imager_genicam(enum cfa cfa, const struct imager_transport *transport,
                      const struct virtual_processing *processing);
 
@@ -136,7 +136,7 @@ guint32 imager_first_format(enum cfa cfa); /* the first format of 8 bits */
  * colour filter array. */
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
 
-/* Shifts n values from the given number of bits to that of the format, and packs them.
- * imager_payload() of that format must not be 0. */
+/* Packs n values in a format. The values are first shifted from `bits` bits to the number of bits
+ * of the format. imager_payload() of the format must not be 0. */
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to);

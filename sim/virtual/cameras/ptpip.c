@@ -76,7 +76,8 @@ enum {
 
     FORMAT_FOLDER = 0x3001,
     FORMAT_JPEG = 0x3801,
-    FORMAT_DNG = 0x3811, /* of PTP 1.1; libgphoto2 does not copy files of an unknown format */
+    /* a code of PTP 1.1; libgphoto2 does not copy files with an unknown code */
+    FORMAT_DNG = 0x3811,
 };
 
 enum { TYPE_UINT8 = 2, TYPE_UINT16 = 4, TYPE_UINT32 = 6 };
@@ -86,8 +87,9 @@ enum { TYPE_UINT8 = 2, TYPE_UINT16 = 4, TYPE_UINT32 = 6 };
 #define MEMORY_HANDLE 0xffff0001u /* handle of the picture in the camera's memory */
 #define FOLDER_NAME   "100MESOR"
 #define MAX_PACKET    65536
-#define MAX_SENT      (256 * 1024) /* largest data of an operation that the camera receives */
-#define SHUTTER_US    100          /* unit of SHUTTER */
+/* largest size in bytes of the data that a program may send with an operation */
+#define MAX_SENT   (256 * 1024)
+#define SHUTTER_US 100 /* unit of SHUTTER */
 
 static const guint32 shutters[] = {1,    2,    5,    10,   20,    40,    50,   60,
                                    80,   100,  160,  200,  250,   320,   500,  640,
@@ -203,8 +205,8 @@ static gboolean receive(int fd, guint8 *bytes, gsize n) {
     return TRUE;
 }
 
-/* Returns the payload of the next packet, and its type in *ret_type. Returns NULL at the end of the
- * connection, or if the length of the packet is not possible. */
+/* Receives a packet. Returns its payload, and sets *ret_type to its type. Returns NULL at the end
+ * of the connection, or if the length of the packet is not possible. */
 static GByteArray *receive_packet(int fd, guint32 *ret_type) {
     guint8 head[8];
     if (!receive(fd, head, sizeof head))
@@ -218,7 +220,7 @@ static GByteArray *receive_packet(int fd, guint32 *ret_type) {
     return receive(fd, payload->data, payload->len) ? g_steal_pointer(&payload) : NULL;
 }
 
-/* Call the functions from here on with the mutex locked, unless they say otherwise. */
+/* Call the functions below with the mutex locked, unless their comment says otherwise. */
 
 static void send_event(VirtualPtpip *camera, guint16 code, guint32 parameter) {
     const struct event event = {code, parameter};
@@ -272,7 +274,7 @@ static void end_connections(VirtualPtpip *camera) {
     camera->event_fd = -1;
 }
 
-/* Makes the values of the sensor. The mutex must not be locked. */
+/* Returns the values of the sensor. The mutex must not be locked. */
 static guint16 *make_picture(const VirtualPtpip *camera, const struct virtual_exposure *exposure) {
     const struct virtual_ptpip_options *options = &camera->options;
     const gsize n = (gsize)options->width * (gsize)options->height;
@@ -298,7 +300,7 @@ static GBytes *make_raw(const VirtualPtpip *camera, const guint16 *values) {
     return dng_new(&dng);
 }
 
-/* Returns a grey JPEG with sRGB values, as cameras make them. */
+/* Returns a grey JPEG. Its values are encoded as sRGB, as in the JPEG files of cameras. */
 static GBytes *make_jpeg(const VirtualPtpip *camera, const guint16 *values) {
     const struct virtual_ptpip_options *options = &camera->options;
     struct jpeg_compress_struct jpeg = {0};
@@ -357,7 +359,8 @@ static void say_added(VirtualPtpip *camera, guint32 handle) {
     send_event(camera, handle == MEMORY_HANDLE ? NIKON_ADDED_IN_MEMORY : OBJECT_ADDED, handle);
 }
 
-/* Moves a new picture from the card to the memory, where it replaces an earlier one. */
+/* Moves a new picture from the card to the camera's memory. An earlier picture in the memory is
+ * replaced. */
 static guint32 move_to_memory(VirtualPtpip *camera, guint32 handle) {
     struct object *old = find_object(camera, MEMORY_HANDLE);
     if (old)
@@ -556,8 +559,8 @@ struct operation {
     GByteArray *sent; /* data that the computer has sent */
 };
 
-/* Carries out an operation, and returns the response. *ret_data says whether the camera sends data.
- * These are appended to data. */
+/* Carries out an operation, and returns the code of the response. Sets *ret_data to whether the
+ * camera sends data, which are then appended to data. */
 static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GByteArray *data,
                     gboolean *ret_data) {
     const guint32 parameter = operation->parameters[0];

@@ -15,41 +15,42 @@ typedef struct VirtualPtpip VirtualPtpip;
 struct virtual_ptpip_options {
     const char *host; /* address of the loopback interface; NULL means "127.0.0.1" */
     const char *serial;
-    int width, height, bits; /* `bits` is the number of bits of a value of the raw file */
+    int width, height, bits; /* `bits`: number of bits of a value in the raw file */
     enum cfa cfa;
     double black_level;     /* black level of the raw file */
     VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
     gpointer data;
     gboolean jpeg; /* pictures are JPEG: grey, sRGB */
     gboolean both; /* each picture is a JPEG and then a raw file */
-    /* With nikon: pictures go to the camera's memory, which holds one picture. A new picture
-     * replaces a picture that was not copied. */
+    /* With `nikon`: pictures are put into the camera's memory, not on the card. The memory holds
+     * one picture. A new picture replaces it, even if it was not copied. */
     gboolean memory;
-    gboolean nikon; /* speaks Nikon's dialect: other operations, and events that are polled */
+    /* speaks Nikon's dialect: other operations, and events that a program must poll */
+    gboolean nikon;
 };
 
 /* The faults that virtual_ptpip_fail() sets. Members of type int, except battery, are numbers of
- * triggers, pictures or downloads that will be affected. Each of them decreases the number by
- * one. */
+ * triggers, pictures or downloads to which the fault will happen. The number decreases by one each
+ * time. */
 struct virtual_ptpip_faults {
     int busy;       /* triggers that are refused because the camera is busy */
     int unanswered; /* triggers that are obeyed but never answered */
     int blind;      /* triggers that are answered, but make no picture and no event */
     int incomplete; /* pictures without the event CaptureComplete */
     int unsaid;     /* pictures without the event ObjectAdded */
-    /* `late` is the number of pictures with a late event ObjectAdded. The delay of the event is
-     * late_exposures times the shutter time. */
+    /* `late`: number of pictures for which the event ObjectAdded comes late. `late_exposures`:
+     * delay of this event in units of the shutter time. */
     int late;
     double late_exposures;
     gboolean complete_first; /* CaptureComplete is sent before ObjectAdded, not after it */
     gboolean same_name;      /* every picture has the same name, as after a reset of the counter */
-    int dropped;             /* downloads that end in the middle, with all connections */
+    int dropped;             /* downloads in the middle of which all connections end */
     int stalled;             /* downloads in the middle of which the camera stops answering */
     gboolean full;           /* the card is full */
     gint64 slow_us;          /* delay from the trigger to the exposure */
-    /* if a program sets a shutter time, the camera takes the next shutter time of the list */
+    /* When a program sets a shutter time, the camera takes the one that follows in its list. */
     gboolean neighbour;
-    gboolean refuses;   /* the camera refuses connections by a PTP/IP packet */
+    gboolean refuses;   /* the camera refuses connections with a packet of PTP/IP */
     gboolean deaf;      /* the camera accepts connections and answers nothing */
     gboolean unplugged; /* all connections end, and none is accepted */
     int battery;        /* charge in percent; 0 means 80 */
@@ -69,8 +70,8 @@ VirtualPtpip *virtual_ptpip_new(const struct virtual_ptpip_options *options, GEr
 void virtual_ptpip_free(VirtualPtpip *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualPtpip, virtual_ptpip_free)
 
-/* Returns the value of "port" for a section: "ptpip:127.0.0.1:40123:40123". libgphoto2 takes the
- * second number as the port of the event connection. */
+/* Returns the value of "port" for a section of a rig file, such as "ptpip:127.0.0.1:40123:40123".
+ * libgphoto2 takes the second number as the port of the connection for events. */
 const char *virtual_ptpip_port(const VirtualPtpip *camera);
 
 void virtual_ptpip_fail(VirtualPtpip *camera, const struct virtual_ptpip_faults *faults);
@@ -81,5 +82,5 @@ void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso);
 
 /* Puts a file on the card, as if somebody had taken a picture by hand. The file is not a raw file.
  * date is the date of the file, such as "20200131T235959", or NULL for now. If says is TRUE, the
- * camera reports the file by an event. */
+ * camera sends an event about the file. */
 void virtual_ptpip_put(VirtualPtpip *camera, const char *name, const char *date, gboolean says);

@@ -1,9 +1,11 @@
 /*
  * A virtual USB3 Vision camera behind umockdev's usbfs. Aravis reaches it through libusb, like a
- * real camera. It has bulk endpoints for two channels: a control channel for registers, and a
- * stream channel for leaders, payloads and trailers. It serves its own GenICam file. The pictures
- * come from the function options->picture. Exposures take place in real time, in a separate thread
- * of the camera. A process sees the camera only after testbed_enter().
+ * real camera. A process sees the camera only after testbed_enter().
+ *
+ * The camera has bulk endpoints for two channels: a control channel for registers, and a stream
+ * channel for leaders, payloads and trailers. It serves its own GenICam file. The pictures come
+ * from the function options->picture. Exposures take place in real time, in a separate thread of
+ * the camera.
  *
  * Any thread may call these functions, except virtual_u3v_new(), virtual_u3v_free(),
  * virtual_u3v_plug() and virtual_u3v_unplug().
@@ -15,8 +17,8 @@
 
 typedef struct VirtualU3v VirtualU3v;
 
-/* Makes a camera that is plugged into port 1 to 9 of bus 1. Its serial number is the value of
- * "device" for a section. */
+/* Makes a camera that is plugged into a port from 1 to 9 of bus 1. In a rig file, the value of
+ * "device" is the camera's serial number. */
 VirtualU3v *virtual_u3v_new(const struct virtual_camera_options *options, int port);
 void virtual_u3v_free(VirtualU3v *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualU3v, virtual_u3v_free)

@@ -3,11 +3,11 @@
 #include <errno.h>
 #include <string.h>
 
-/* The header of a command and of an answer has a prefix, flags or a status, the command, the length
- * of the data, and a number. */
+/* Header of a command and of an answer: a prefix, flags or a status, the code of the command, the
+ * length of the data, and a number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
-#define RESPONSE_MS 200 /* longest time until an answer; it is enough for a busy computer */
+#define RESPONSE_MS 200 /* longest time in ms until an answer, long enough for a busy computer */
 #define ALIGNMENT   3   /* sizes of transfers are multiples of 2^ALIGNMENT bytes */
 #define SUPER_SPEED 8
 
@@ -100,8 +100,8 @@ static guint write_register(VirtualU3v *camera, guint64 address, guint32 value) 
     return 0;
 }
 
-/* Carries out a command. Returns the status of the answer. ret receives the *ret_size bytes of data
- * of the answer. */
+/* Carries out a command. Sets ret to the data of the answer, and *ret_size to its number of bytes.
+ * Returns the status of the answer. */
 static guint obey(VirtualU3v *camera, enum command command, const guint8 *data, guint size,
                   guint8 *ret, guint *ret_size) {
     guint64 address = size >= 8 ? u3v_get(data, 8) : 0;

@@ -56,7 +56,7 @@
 enum u3v_phase { U3V_IDLE, U3V_LEADER, U3V_PAYLOAD, U3V_TRAILER };
 
 struct VirtualU3v {
-    struct imager imager; /* imager.mutex guards memory and the members that follow it */
+    struct imager imager; /* imager.mutex guards `memory` and all members below it */
     VirtualUsb *usb;
     struct virtual_usb_class class;
 
@@ -64,7 +64,8 @@ struct VirtualU3v {
     guint8 answer[U3V_MAX_TRANSFER];
     int answer_size;  /* 0 if no answer waits */
     gint64 answer_us; /* time from which the answer can be read */
-    /* picture that is being sent; `data` is a copy, or NULL before the picture was made */
+    /* Picture that is being sent. `data` is a copy of the picture's data, or NULL while there is
+     * none yet. */
     struct imager_picture out;
     enum u3v_phase phase;
     gsize sent;                         /* bytes of the picture's payload that were sent */
@@ -91,11 +92,11 @@ static inline guint32 u3v_reg(const VirtualU3v *camera, guint address) {
     return (guint32)u3v_get(camera->memory + address, 4);
 }
 
-/* Call all of the following functions with the mutex locked. */
+/* Call all functions below with the mutex locked. */
 
 /* u3v_control.c */
 extern const struct imager_transport u3v_transport;
-/* Gives registers their initial values, and discards the answer and the picture. */
+/* Gives all registers their initial values. Discards the answer and the picture that wait. */
 void u3v_reset(VirtualU3v *camera);
 /* Carries out a command of n bytes and makes its answer. An earlier answer that was not read is
  * lost. A command that is not understood is not answered. Returns n. */
@@ -109,4 +110,4 @@ extern const struct imager_bus u3v_bus;
 /* Fills data with the next transfer. Returns the length of the transfer, -EAGAIN if there is
  * nothing to send, or -EOVERFLOW if size is too small. */
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
-void u3v_drop(VirtualU3v *camera); /* discards the rest of the picture that was not sent */
+void u3v_drop(VirtualU3v *camera); /* discards what has not been sent of the picture */

@@ -19,8 +19,8 @@ void u3v_drop(VirtualU3v *camera) {
     camera->phase = U3V_IDLE;
 }
 
-/* Makes the latest picture available for reading, if the stream is on. The part of the previous
- * picture that has not been read is lost. */
+/* Makes the latest picture available for reading, if the stream is on. If the previous picture has
+ * not been read completely, the rest of it is lost. */
 static void send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;
@@ -38,7 +38,8 @@ static void send_picture(gpointer data) {
     camera->phase = count_down(&faults->headless) || led ? U3V_PAYLOAD : U3V_LEADER;
 }
 
-/* Makes the leader of a picture available before its data exists. send_picture() adds the data. */
+/* Makes the leader of a picture available before the picture exists. send_picture() adds the data
+ * later. */
 static void announce(const struct imager_picture *picture, gpointer data) {
     VirtualU3v *camera = data;
     u3v_drop(camera);
@@ -55,8 +56,8 @@ static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     u3v_put(to + 8, id - 1, 8); /* block ids of USB3 Vision begin at 0 */
 }
 
-/* Returns the size of the next transfer of the payload: SIRM_PAYLOAD_COUNT transfers of equal size,
- * then the remainder. Returns 0 at the end of the payload. */
+/* Returns the size of the next transfer of the payload. The first SIRM_PAYLOAD_COUNT transfers have
+ * equal sizes. Then comes the remainder. Returns 0 at the end of the payload. */
 static gsize payload_size(const VirtualU3v *camera) {
     gsize size = u3v_reg(camera, SIRM_PAYLOAD), count = u3v_reg(camera, SIRM_PAYLOAD_COUNT);
     gsize last = u3v_reg(camera, SIRM_TRANSFER1);

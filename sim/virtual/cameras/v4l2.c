@@ -17,8 +17,8 @@ struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id) {
     return NULL;
 }
 
-/* Each of the following handlers of an ioctl returns 0 or an errno. argument is the struct of the
- * ioctl. */
+/* The following functions each handle an ioctl. They return 0 or an errno. argument is the struct
+ * of the ioctl. */
 
 static guint32 type_of(const VirtualV4l2 *camera) {
     return camera->config.planes ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -126,8 +126,8 @@ static int set_parm(VirtualV4l2 *camera, void *argument) {
     return get_parm(camera, argument);
 }
 
-/* With V4L2_CTRL_FLAG_NEXT_CTRL, the program asks for the control with the next larger id. The loop
- * finds this control first, because controls are sorted by id. */
+/* With V4L2_CTRL_FLAG_NEXT_CTRL, the program asks for the control with the next larger id. Because
+ * the controls are sorted by id, this is the first one that the loop finds. */
 static int query_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_queryctrl *query = argument;
     guint32 id = query->id & ~V4L2_CTRL_FLAG_NEXT_CTRL;
@@ -273,7 +273,7 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
         if (!data)
             return EFAULT;
         /* A buffer of the multi-planar interface points to its planes. Only the first plane is
-         * used. */
+         * read. */
         const struct v4l2_buffer *buffer = (const struct v4l2_buffer *)data->data;
         gboolean there = answers[i].size != sizeof *buffer || !camera->config.planes;
         if (!there && buffer->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE && buffer->length > 0) {
@@ -289,8 +289,9 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
     return ENOTTY;
 }
 
-/* If the program that owns the buffers has closed the node or has ended, ends the stream and frees
- * the buffers. umockdev 0.17 emits no client-vanished, so this is done before each ioctl. */
+/* Checks whether the program that owns the buffers has closed the node or has ended. If so, ends
+ * the stream and frees the buffers. umockdev 0.17 does not emit client-vanished, so this is done
+ * before each ioctl. */
 static void free_buffers_of_vanished(VirtualV4l2 *camera) {
     if (!camera->owner || umockdev_ioctl_client_get_connected(camera->owner))
         return;
@@ -316,7 +317,7 @@ static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlC
     return TRUE;
 }
 
-/* Adds a USB device to the testbed unless it exists: the root hub, a hub, or the camera. */
+/* Adds a USB device to the testbed if it does not exist yet: the root hub, a hub, or the camera. */
 static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     static int last_address;
     g_autofree char *root = umockdev_testbed_get_root_dir(camera->testbed);
@@ -338,8 +339,8 @@ static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     g_assert_no_error(error);
 }
 
-/* Adds the chain of devices for a port: for "2-1.3" /devices/usb2, its hub 2-1, and the camera
- * 2-1.3. Returns the path of the camera. Free it with g_free(). */
+/* Adds the chain of devices for the camera's port. For "2-1.3", these are /devices/usb2, its hub
+ * 2-1, and the camera 2-1.3. Returns the path of the camera. Free it with g_free(). */
 static char *add_usb_chain(VirtualV4l2 *camera) {
     GString *path = g_string_new(NULL);
     g_string_printf(path, "/devices/usb%d", atoi(camera->port));
@@ -402,8 +403,8 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    /* If one of these bits is set in config.lacks, the camera does not have the control. If there
-     * are no bits (0), every camera has the control. */
+    /* A camera does not have the control if config.lacks has one of these bits. 0: every camera has
+     * it. */
     guint lacks;
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {

@@ -18,10 +18,10 @@ typedef struct VirtualV4l2 VirtualV4l2;
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-/* Says which moment the time stamps of frames mark, and which flag the frames have. */
+/* Which moment the time stamps of frames mark, and which flag the frames have. */
 enum virtual_v4l2_stamp {
     VIRTUAL_V4L2_START, /* start of the exposure, with the flag SOE (start of exposure) */
-    /* time of the first data, but with the flag SOE, as with uvcvideo */
+    /* time of the first data; the flag is SOE nevertheless, as with uvcvideo */
     VIRTUAL_V4L2_FIRST_DATA,
     VIRTUAL_V4L2_END, /* end of the data, with the flag EOF (end of frame) */
 };
@@ -34,19 +34,21 @@ enum { /* controls that the camera lacks */
 
 struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults given here */
     int number;              /* number of the node: 0 for /dev/video0 */
-    const char *port;        /* path on USB: the bus, then the port at each hub; NULL means "2-1" */
-    double speed_mbit_s;     /* speed of all links of this path; 0 means 480 */
-    int width, height;       /* size of all pictures; 0 means 64 × 48 */
+    /* ports on USB: the bus, and then the port at each hub; NULL means "2-1" */
+    const char *port;
+    double speed_mbit_s; /* speed of all links to the camera; 0 means 480 */
+    int width, height;   /* size of all pictures; 0 means 64 × 48 */
     enum cfa cfa;
-    int bits;          /* bits of the sensor; 0 means 12 */
-    double frame_rate; /* initial frame rate per second; 0 means 100. Programs can set any rate from
-                          1 to 1000 */
+    int bits; /* bits of the sensor; 0 means 12 */
+    /* Initial number of frames per second. 0 means 100. Programs can set any rate from 1 to
+     * 1000. */
+    double frame_rate;
     enum virtual_v4l2_stamp stamp;
     guint lacks;              /* controls that the camera lacks, an OR of VIRTUAL_V4L2_NO_… */
     gboolean odd_gamma;       /* gamma is from 0 to 31, not from 100 to 500 as in UVC */
     gboolean only_compressed; /* the camera offers only compressed formats */
-    /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
-     * the single-planar interface. */
+    /* Number of memory planes of a frame in the multi-planar interface. 0: the camera has the
+     * single-planar interface. */
     int planes;
     VirtualV4l2Expose expose; /* NULL means a ramp with noise that depends on the exposure */
     gpointer user;
@@ -55,9 +57,9 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults giv
 /* Makes a camera. Strings are copied. */
 VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config);
 
-/* Makes a camera that delivers the pictures of a camera of the simulated world. `camera` is the
- * name of the world's camera, from which the new camera also takes size, bits and colour filter
- * array. Returns NULL with an error if the world has no such camera. */
+/* Makes a camera that delivers the pictures of a camera of the simulated world, which has the name
+ * `camera`. Size, bits and colour filter array are also those of the world's camera. Returns NULL
+ * with an error if the world has no such camera. */
 VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, World *world,
                                     const char *camera, GError **error);
 void virtual_v4l2_free(VirtualV4l2 *camera); /* NULL is ignored */
@@ -85,6 +87,6 @@ void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 
 /* Returns the value of a control; -1 if it does not exist. */
 gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id);
-/* Returns the number of pictures that were made. No picture is made of a frame for which no buffer
- * is queued when its exposure ends, and of frames with the fault SILENT. */
+/* Returns the number of pictures that were made. A frame gives no picture if no buffer is queued
+ * when its exposure ends, or if the fault SILENT is set. */
 int virtual_v4l2_n_exposed(VirtualV4l2 *camera);

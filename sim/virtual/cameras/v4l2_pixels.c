@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* rows are padded to multiples of this number of bytes, as on many devices */
+/* Each row is padded to a multiple of this number of bytes, as on many devices. */
 #define ROW_ALIGN 32
 
 struct layout {
@@ -62,8 +62,9 @@ gsize virtual_pixels_size(guint32 fourcc, int width, int height) {
     return virtual_pixels_stride(fourcc, width) * (gsize)height;
 }
 
-/* Packs a row as bytes, as words, or in groups. A group has the upper eight bits of each pixel, and
- * then the lower bits of all pixels. */
+/* Packs a row. Depending on the format, a pixel is a byte or a word, or pixels are packed in
+ * groups. A group has first the upper eight bits of each pixel, and then the lower bits of all
+ * pixels. */
 static void pack_row(const struct layout *layout, const guint16 *from, int width, int shift,
                      guint8 *to) {
     int low = layout->bits - 8, per = layout->pixels;
@@ -83,8 +84,8 @@ static void pack_row(const struct layout *layout, const guint16 *from, int width
 }
 
 /* Packs a row as YUYV or UYVY, without colour. The luma has the limited range 16 … 235. If the
- * sensor has colour filters, each value is the mean of 2 × 2 pixels, because 2 × 2 pixels have all
- * filter colours. */
+ * sensor has colour filters, each value is the mean of 2 × 2 pixels, which have all filter colours
+ * together. */
 static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
                       const guint16 *pixels, int y, guint8 *to) {
     int first = fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, most = (1 << config->bits) - 1;

@@ -14,7 +14,7 @@ enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
 
 struct virtual_buffer {
     enum buffer_state state;
-    guint64 order; /* increases with each buffer that is queued or finished */
+    guint64 order; /* number that increases with each buffer that is queued or finished */
     guint32 flags, sequence, bytes;
     gint64 stamp_us;
 };
@@ -51,18 +51,19 @@ struct VirtualV4l2 {
 
     gboolean streaming;
     guint stream; /* changes when a stream begins or ends */
-    /* Number of stream threads. A thread whose stream has ended may still make its last picture. */
+    /* Number of stream threads. There may be more than one, because a thread whose stream has ended
+     * may still be making its last picture. */
     int n_threads;
     gint64 first_us;   /* time of frame 0; frame n begins n frame intervals later */
     gint64 changed_us; /* time when a control was last set */
-    /* exposure time of frames that begin now; a change of a control takes effect one frame later */
+    /* Exposure time of frames that begin now. A change of a control affects it one frame later. */
     gint64 exposure_us;
     double gain_db;
     guint16 *pixels; /* the latest picture */
 };
 
 /* Call these two functions with the camera locked, in the thread that handles the ioctls of all
- * cameras and USB devices. The functions do not wait, because that thread must not wait. */
+ * cameras and USB devices. This thread must not wait, so the functions do not wait. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
 /* Waits until no stream thread uses the camera any more. The mutex must be locked. It is unlocked

@@ -12,8 +12,7 @@ static gint32 setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
     return control ? control->value : otherwise;
 }
 
-/* Delay from the end of an exposure to its first and last data, as a fraction of the frame
- * interval. */
+/* Delays from the end of an exposure to its first and to its last data, in frame intervals. */
 #define FIRST_DATA_PART 0.1
 #define LAST_DATA_PART  0.4
 
@@ -72,9 +71,9 @@ static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual
     buffer->state = BUFFER_DONE;
 }
 
-/* Makes the picture of a frame, waits for the end of its data, and delivers it if a buffer is
- * queued. The mutex must be locked. It is unlocked while the picture is made and while the function
- * waits. Returns FALSE when the stream has ended. */
+/* Makes the picture of a frame and waits for the end of its data. Delivers the picture if a buffer
+ * is queued. Returns FALSE when the stream has ended. The mutex must be locked. It is unlocked
+ * while the picture is made and while the function waits. */
 static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
@@ -86,7 +85,8 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     } else if (camera->world) {
         struct world_state state;
         world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
-        /* The noise depends on the time, because every stream counts frames from the beginning. */
+        /* The noise depends on the time of the frame. Numbers of frames would repeat, because every
+         * stream begins to count from the same number. */
         world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
                      (guint64)shot->start_us, pixels);
     } else if (camera->config.expose) {
@@ -113,9 +113,9 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     return TRUE;
 }
 
-/* Waits for the next frame to begin and to be exposed, and delivers it. Delivers nothing if no
- * buffer is queued, or if the fault SILENT is set. The mutex must be locked. It is unlocked while
- * the function waits and while the picture is made. Returns FALSE when the stream has ended. */
+/* Waits until the next frame has been exposed, and delivers it. Nothing is delivered if no buffer
+ * is queued, or if the fault SILENT is set. Returns FALSE when the stream has ended. The mutex must
+ * be locked. It is unlocked while the function waits and while the picture is made. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,
@@ -123,8 +123,8 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     shot.start_us = camera->first_us + (gint64)shot.number * interval;
     if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
-    /* Like many sensors, the camera applies a new setting to the frame after the next. In automatic
-     * mode the camera chooses exposure and gain itself. */
+    /* As with many sensors, a new setting affects the frame after the next. In automatic mode, the
+     * camera chooses exposure and gain itself. */
     if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
         gboolean by_hand = setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
         gint64 set_us = 100 * setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
