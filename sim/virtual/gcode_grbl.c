@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define OFFSET 10 /* work coordinates are machine coordinates minus this */
+#define OFFSET 10 /* work coordinates are machine coordinates minus this number of units */
 
 static const char letters[] = "XYZABC";
 
@@ -227,7 +227,7 @@ static int command(VirtualGcode *board, const char *line) {
     return -1;
 }
 
-/* Parses and carries out a block. Returns the same values as command(). */
+/* Parses and carries out a block of G-code. Returns the same values as command(). */
 static int execute(VirtualGcode *board, const char *line) {
     double to[VIRTUAL_GCODE_AXES];
     gboolean moves = FALSE, dwells = FALSE, machine = FALSE, straight = FALSE;
@@ -259,7 +259,7 @@ static int execute(VirtualGcode *board, const char *line) {
             return 20;
     }
     if (moves && (!machine || board->relative))
-        return 20; /* only absolute machine coordinates are modelled */
+        return 20; /* moves other than to absolute machine coordinates are not modelled */
     if (moves && straight && board->feed <= 0)
         return 22;
     for (int i = 0; moves && board->options.max_travel > 0 && i < board->options.n_axes; i++)
@@ -280,7 +280,7 @@ static void work(VirtualGcode *board) {
         board->waits = FALSE;
         gcode_say(board, "ok");
     }
-    /* Execute one line per call. Calls are about a millisecond apart. */
+    /* One line is executed per call. Calls are about a millisecond apart. */
     if (!board->waits && !board->locked_up && !board->door && board->motion != GCODE_HELD &&
         board->motion != GCODE_BRAKING && board->n_blocks < GCODE_BLOCKS &&
         gcode_take_line(board, line, sizeof line)) {

@@ -5,8 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define START_US 250000  /* time from the first move until the motion begins */
-#define AHEAD_US 1000000 /* the "ok" of a move waits until no more motion than this is ahead */
+#define START_US 250000 /* time from the first move until the motion begins */
+/* the "ok" of a move comes when at most this time of motion is still to be made */
+#define AHEAD_US 1000000
 
 static const char letters[] = "XYZ";
 
@@ -59,7 +60,7 @@ static void shut_down(VirtualGcode *board) {
         gcode_say(board, "!! Homing failed due to printer shutdown");
 }
 
-/* M112 acts as soon as its line is complete, before the lines that wait. */
+/* M112 acts as soon as its line is complete, even if earlier lines still wait. */
 static void receive(VirtualGcode *board, char byte) {
     g_string_append_c(board->rx, byte);
     if (byte == '\n' && g_str_has_suffix(board->rx->str, "M112\n"))
@@ -77,7 +78,8 @@ static void homing_ended(VirtualGcode *board) {
     board->homed |= board->homing_axes;
 }
 
-/* Begins a move or prolongs the motion under way. Returns FALSE if the line must wait. */
+/* Begins a move, or prolongs the motion that is being made. Returns FALSE if the line must wait,
+ * because neither is possible now. */
 static gboolean go(VirtualGcode *board, const char *words) {
     double to[VIRTUAL_GCODE_AXES], from[VIRTUAL_GCODE_AXES];
     gcode_planned(board, to);
@@ -116,8 +118,8 @@ static void list_limits(VirtualGcode *board) {
     gcode_say(board, "// square_corner_velocity: 5.000000");
 }
 
-/* Carries out a command that Klipper knows even before it is ready. Returns FALSE for any other
- * command. */
+/* Carries out a command that Klipper knows even before it is ready. Returns FALSE for other
+ * commands. */
 static gboolean execute_always(VirtualGcode *board, const char *line) {
     if (g_str_has_prefix(line, "ECHO ")) {
         gcode_say(board, "// %s", line);
@@ -202,7 +204,7 @@ static void work(VirtualGcode *board) {
         board->waits = board->is_ahead = FALSE;
         gcode_say(board, "ok");
     }
-    /* Execute one line per call. Calls are about a millisecond apart. */
+    /* One line is executed per call. Calls are about a millisecond apart. */
     if (board->waits || board->is_ahead || !gcode_take_line(board, line, sizeof line))
         return;
     board->state.n_lines++;

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* interval of "busy" messages; Marlin's default (HOST_KEEPALIVE_INTERVAL) is 2 s */
+/* interval in µs of "busy" messages; Marlin's default (HOST_KEEPALIVE_INTERVAL) is 2 s */
 #define BUSY_US 500000
 
 static const char letters[] = "XYZABC";
@@ -37,7 +37,7 @@ static void quickstop(VirtualGcode *board) {
         kill_board(board); /* Marlin halts if homing is interrupted */
 }
 
-/* The emergency parser looks at each line as it comes. */
+/* The emergency parser acts on a line when it is complete, even if earlier lines still wait. */
 static void receive(VirtualGcode *board, char byte) {
     if (board->alarm)
         return;
@@ -99,7 +99,7 @@ static void go(VirtualGcode *board, const char *words) {
     gcode_add_block(board, to, MAX(board->feed, 1e-6));
 }
 
-/* Carries out a command. Returns FALSE if no "ok" follows at once. */
+/* Carries out a command. Returns TRUE if the "ok" follows at once, or FALSE if it comes later. */
 static gboolean execute(VirtualGcode *board, const char *line) {
     if (g_str_has_prefix(line, "G1 ")) {
         go(board, line + 3);
@@ -137,9 +137,9 @@ static void ask_again(VirtualGcode *board, const char *why) {
     gcode_say(board, "ok");
 }
 
-/* Checks the line number and the checksum of a line that begins with N, and removes both. Does not
- * change other lines. “M110 N” sets the number of the last line. Returns FALSE if the program must
- * send the line again. */
+/* Checks and removes the line number and the checksum of a line that begins with N. “M110 N” sets
+ * the number of the last line. Other lines are not changed. Returns FALSE if the program must send
+ * the line again. */
 static gboolean unwrap(VirtualGcode *board, char *line) {
     int number, sum;
     char *star = strrchr(line, '*'), *blank = strchr(line, ' ');

@@ -30,7 +30,7 @@ struct VirtualLeds {
     struct virtual_leds_state state;
     guint n_sent, n_received; /* numbers of bytes, for the faults */
     GQueue out;               /* of struct out */
-    gint64 deaf_until_us;     /* time until which the controller boots and hears nothing */
+    gint64 deaf_until_us;     /* end of booting; until then, nothing is received */
     gint64 fed_us;
     GString *rx;
 };
@@ -41,8 +41,9 @@ static void out_free(gpointer data) {
     g_free(out);
 }
 
-/* Returns the checksum: the remainder of a polynomial division, computed bit by bit. The message is
- * followed by 16 bits of 0. Starting with 0xffff is the same as inverting the first 16 bits. */
+/* Returns the checksum (CRC): the remainder of a polynomial division of the message, followed by 16
+ * bits of 0. It is computed bit by bit. To begin with 0xffff, the first 16 bits of the message are
+ * inverted, which gives the same result. */
 static guint checksum(const char *text) {
     const gsize n = 8 * (strlen(text) + 2);
     guint remainder = 0;
@@ -147,7 +148,8 @@ static void receive(VirtualLeds *leds, const char *bytes, gsize n) {
 
 static void boot(VirtualLeds *leds) {
     const guint64 stuck = leds->faults.stuck;
-    leds->faults.stuck = 0; /* the outputs of a controller in reset are dark */
+    /* all outputs are dark in a reset, so the fault `stuck` does not apply meanwhile */
+    leds->faults.stuck = 0;
     all_off(leds);
     leds->faults.stuck = stuck;
     leds->state.n_resets++;
@@ -158,7 +160,7 @@ static void boot(VirtualLeds *leds) {
     ((struct out *)g_queue_peek_tail(&leds->out))->at_us = leds->deaf_until_us;
 }
 
-/* Sends the lines that are due, with the faults that are set. */
+/* Sends the lines whose time has come, changed by the faults that are set. */
 static void flush_out(VirtualLeds *leds) {
     struct out *out;
     const struct virtual_leds_faults *faults = &leds->faults;
@@ -216,7 +218,7 @@ static gpointer leds_run(gpointer data) {
             return NULL;
         if (fds[0].revents && read(leds->wake[0], &byte, 1) < 0)
             return NULL;
-        /* poll() always returns at once for a wire with a closed slave. */
+        /* While no program has the port open, poll() returns at once, so a pause is made. */
         if (fds[1].revents & POLLHUP)
             g_usleep(1000);
         g_mutex_lock(&leds->mutex);

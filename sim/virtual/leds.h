@@ -29,7 +29,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualLeds, virtual_leds_free)
 const char *virtual_leds_port(const VirtualLeds *leds);
 
 /* The faults that virtual_leds_fail() sets. If a member lose_… or damage_… is n, every n-th byte is
- * lost or damaged. If it is 0, no byte is lost or damaged. */
+ * lost or damaged. 0 means that no byte is lost or damaged. */
 struct virtual_leds_faults {
     gboolean cut;                       /* nothing arrives, and nothing is sent */
     gboolean silent;                    /* obeys, but sends nothing */
@@ -37,14 +37,15 @@ struct virtual_leds_faults {
     int lose_sent, damage_sent;         /* bytes from the controller to the program */
     int lose_received, damage_received; /* bytes from the program to the controller */
     gboolean noise;                     /* sends a line of noise before each line */
-    guint64 stuck;                      /* bits of lamps that "off" and the watchdog do not reach */
-    guint64 dead;                       /* bits of lamps that do not go on */
+    /* a bit for each lamp that "off" and the watchdog do not switch off */
+    guint64 stuck;
+    guint64 dead; /* a bit for each lamp that does not go on */
 };
 void virtual_leds_fail(VirtualLeds *leds, const struct virtual_leds_faults *faults);
 
 void virtual_leds_reset(VirtualLeds *leds);
-/* Closes the pseudo-terminal, or opens a new pseudo-terminal at the same link. The controller runs
- * on. */
+/* Closes the pseudo-terminal, or opens a new one at the same link. The controller continues to
+ * run. */
 void virtual_leds_unplug(VirtualLeds *leds);
 void virtual_leds_plug(VirtualLeds *leds);
 /* Sends a line to the program. */

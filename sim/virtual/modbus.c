@@ -28,8 +28,8 @@
 #define STOP  3
 #define CLEAR 4
 
-/* Duration of homing for a drive that already stands on its switch. The drive leaves the switch and
- * comes back. */
+/* Duration in µs of homing for a drive that already stands on its switch. The drive leaves the
+ * switch and comes back. */
 #define MIN_HOMING_US 20000
 
 enum phase { STANDING, MOVING, BRAKING, HOMING };
@@ -51,11 +51,12 @@ struct VirtualModbus {
     double from, to, speed0;
     double speed_steps_s; /* maximum speed of the current motion */
     gint64 start_us, end_us;
-    /* Time of the last request; 0 if the timeout has expired since. */
+    /* Time of the last request. 0 after the communication timeout has expired, until the next
+     * request. */
     gint64 heard_us;
-    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* time when the pulse of the coil ends; 0 if there is
-                                                 no pulse */
-    int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of the coil's last pulse */
+    /* time when the coil's pulse ends; 0 if there is none */
+    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS];
+    int pulse_ms[VIRTUAL_MODBUS_BITS]; /* length of the coil's last pulse */
 };
 
 static double modbus_travelled(const VirtualModbus *device, double way, double t) {
@@ -118,8 +119,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* Does what the device does without a request: ends pulses, and switches coils off and brakes the
- * drive when the communication timeout expires. */
+/* Does what the device does by itself. Ends pulses. When the communication timeout expires,
+ * switches all coils off and brakes the drive. */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;
@@ -184,8 +185,8 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* Carries out the effects of a request that go beyond the mapping of libmodbus: pulses, commands of
- * the drive, and counters. */
+/* Carries out those effects of a request that libmodbus does not know: pulses, commands of the
+ * drive, and counters. libmodbus itself only writes to its mapping. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];
@@ -224,7 +225,8 @@ static gboolean is_write(guint8 function) {
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
-        /* The reply is made here, because libmodbus only accepts the values on and off. */
+        /* The reply to a pulse is made here, because libmodbus accepts only the values on and
+         * off. */
         memcpy(ret, query, (gsize)n);
         return n;
     }
@@ -238,9 +240,9 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
     return made > 0 ? (int)recv(device->made[1], ret, MODBUS_TCP_MAX_ADU_LENGTH, MSG_DONTWAIT) : 0;
 }
 
-/* Carries out a request and makes the answer, with the faults that were set. Returns the length of
- * the answer, or 0 if there is no answer. *ret_hold_us is the time by which the answer is
- * delayed. */
+/* Carries out a request and makes the answer, changed by the faults that are set. Returns the
+ * length of the answer, or 0 if there is no answer. Sets *ret_hold_us to the time by which the
+ * answer must be delayed. */
 static int modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
                          gint64 *ret_hold_us) {
     struct virtual_modbus_faults *faults = &device->faults;
@@ -324,7 +326,7 @@ static void stop_listening(VirtualModbus *device) {
     device->listener = -1;
 }
 
-/* Carries out orders of other threads. Returns TRUE if the device continues. */
+/* Does what other threads have requested. Returns FALSE if the device must end. */
 static gboolean follow_orders(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     int down_ms = device->down_ms;
@@ -351,8 +353,8 @@ static gboolean follow_orders(VirtualModbus *device) {
     return start_listening(device);
 }
 
-/* Returns the time in ms after which timeouts and pulses must be checked again, or −1 if none is
- * running. */
+/* Returns the time in ms after which timeouts and pulses must be checked again. Returns −1 if there
+ * are none. */
 static int wait_ms(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     update_motion(device);

@@ -36,8 +36,8 @@ typedef struct VirtualModbus VirtualModbus;
 struct virtual_modbus_options {
     gboolean rtu;
     int unit;
-    double speed_steps_s, accel_steps_s2; /* true values, whatever the drive's registers hold */
-    /* Unit of the speed register (3); 0 if the register has no effect. */
+    double speed_steps_s, accel_steps_s2; /* true values, independent of the drive's registers */
+    /* Unit of the speed register (3) in steps/s. 0: the register has no effect. */
     double speed_unit_steps_s;
 };
 
@@ -49,27 +49,28 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
 /* The faults that virtual_modbus_fail() sets. skip, late, damaged, silent, refused and lost are
- * counters. Each request that is affected decreases its counter by one. A counter of −1 never ends.
- * While skip is not 0, the other counters do not change. */
+ * counters. Each affected request decreases its counter by one. A counter of −1 never ends. While
+ * skip is not 0, the faults of the other counters do not happen, and these counters do not change.
+ */
 struct virtual_modbus_faults {
     int skip;          /* replies that are still correct */
-    int late, late_ms; /* number of replies that are sent late, and their delay late_ms */
-    /* Replies with a wrong check sum (TCP: with the id of another transaction). */
+    int late, late_ms; /* number of replies that are sent late, and their delay in ms */
+    /* Replies with a wrong checksum. With TCP, the reply has a wrong transaction id instead. */
     int damaged;
     int silent;             /* requests that are carried out but not answered */
     int refused, exception; /* number of requests that are refused, and the exception code */
-    /* `lost` is the number of writes that are carried out but not answered. After each of them, no
-     * request arrives for dead_ms. */
+    /* `lost`: number of writes that are carried out but not answered. `dead_ms`: time after each of
+     * these writes in which no request arrives. */
     int lost, dead_ms;
     int delay_us;     /* delay of the wire, added to every reply */
     gboolean blocked; /* the motor cannot turn, although the drive reports that it moves */
-    gboolean deaf;    /* coils do not switch, although writes to them are answered */
+    gboolean deaf;    /* coils do not switch, although writes to them are answered as usual */
     gboolean cut;     /* no request arrives */
 };
 void virtual_modbus_fail(VirtualModbus *device, const struct virtual_modbus_faults *faults);
 
-/* Switches the power off, and on again after down_ms. The coils are then off, the reference is
- * lost, and positions count from 0. */
+/* Switches the power off, and on again after down_ms. The coils are then off. The reference
+ * position is lost, and positions count from 0. */
 void virtual_modbus_restart(VirtualModbus *device, int down_ms);
 
 struct virtual_modbus_state {
@@ -80,11 +81,11 @@ struct virtual_modbus_state {
     /* numbers of requests, of writes to the watchdog register, of connections and of pulses */
     int requests, watchdogs, connections, pulses;
     int timeouts; /* number of times that the communication timeout has expired */
-    /* Length of the communication timeout or of the pulse that has ended last; 0 if none has
-     * ended. */
+    /* Length of the communication timeout that has expired last, or of the pulse that has ended
+     * last, whichever was later. 0 if there was none. */
     int expired_ms;
-    /* Time of g_get_monotonic_time() when the line is usable again after a lost answer. 0 if no
-     * answer has been lost. */
+    /* Time of g_get_monotonic_time() when requests arrive again after the fault `lost`. 0 if this
+     * fault has not happened. */
     gint64 usable_us;
     guint16 speed, accel;
 };

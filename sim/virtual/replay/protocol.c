@@ -16,7 +16,8 @@ static char *hex(const guint8 *bytes, gsize n) {
     return g_string_free(to, FALSE);
 }
 
-/* Protocols of lines. An empty line is ignored, because it only ends noise. */
+/* Protocols that consist of lines. An empty line is ignored, because its only purpose is to end
+ * noise. */
 static gsize cut_line(const char *bytes, gsize n) {
     const char *end = memchr(bytes, '\n', n);
     return end ? (gsize)(end - bytes) + 1 : 0;
@@ -46,7 +47,7 @@ static gboolean answers_grbl(const guint8 *request, gsize n, const guint8 *messa
     return (n == 1 && *request == '?') == (size > 0 && *message == '<');
 }
 
-/* Marlin: "N12 M114*37" with number and check sum. */
+/* Marlin: a request is such as "N12 M114*37", with a number and a checksum. */
 static GBytes *key_marlin(const guint8 *bytes, gsize n) {
     char *line = g_strndup((const char *)bytes, n);
     char *sum = strrchr(line, '*');
@@ -64,7 +65,7 @@ static char *stream_marlin(const guint8 *key, gsize n, const char *sections) {
     return g_strdup(n == 4 && memcmp(key, "M114", 4) == 0 ? "M114" : "");
 }
 
-/* The LED controller: "L1 002a s 03 ff*91de", the number at NUMBER_AT. */
+/* The LED controller: a request is such as "L1 002a s 03 ff*91de". Its number is at NUMBER_AT. */
 #define NUMBER_AT 3
 #define REST_AT   7
 
@@ -107,11 +108,11 @@ static GBytes *adapt_leds(GBytes *message, const guint8 *request, gsize n) {
     return g_bytes_new_take(whole, strlen(whole));
 }
 
-/* Modbus: unit, function and data. Functions 1 to 4 read. */
+/* Modbus: a request has a unit, a function and data. Functions below FIRST_WRITE only read. */
 #define FIRST_WRITE 5
 
-/* Returns whether a key of the sections has the address as one of its numbers. For "watchdog =
- * 5=1;7=0", these are 5 and 7. For "watchdog_register = 6", it is 6. */
+/* Returns whether a key of the sections contains the address as one of its numbers. For example,
+ * "watchdog = 5=1;7=0" contains 5 and 7, and "watchdog_register = 6" contains 6. */
 static gboolean has_address(const char *sections, const char *key, gulong address) {
     g_autofree char *mark = g_strdup_printf("\n%s = ", key);
     for (const char *at = sections; (at = strstr(at, mark));) {
@@ -125,7 +126,8 @@ static gboolean has_address(const char *sections, const char *key, gulong addres
     return FALSE;
 }
 
-/* Writes to a watchdog come again and again, so each address has a stream. */
+/* Writes to a watchdog are repeated again and again, so each address of a watchdog has its own
+ * stream. */
 static char *stream_modbus(const guint8 *key, gsize n, const char *sections) {
     const gulong address = n > 3 ? (gulong)(key[2] << 8 | key[3]) : 0;
     if (n > 3 && key[1] < FIRST_WRITE)
@@ -137,7 +139,7 @@ static char *stream_modbus(const guint8 *key, gsize n, const char *sections) {
     return g_strdup("");
 }
 
-/* DMX512 by UDP. The levels of each universe are a stream. */
+/* DMX512 by UDP. The levels of each universe are a stream of their own. */
 static gboolean is_sacn(const guint8 *bytes, gsize n) {
     return n == 638 && memcmp(bytes + 4, "ASC-E1.17", 9) == 0;
 }
@@ -159,8 +161,8 @@ static char *stream_udp(const guint8 *key, gsize n, const char *sections) {
     return n > 4 && key[0] == 4 ? g_strdup_printf("WLED %d", key[2] << 8 | key[3]) : hex(key, n);
 }
 
-/* A request to WLED by HTTP asks for a state, or sets the state that the driver confirms. The
- * driver repeats such a request until the answer is recent enough. */
+/* WLED: a request by HTTP asks for a state, or sets the state that the driver confirms. The driver
+ * repeats a request until the answer is recent enough, so all these requests are in one stream. */
 static char *stream_http(const guint8 *key, gsize n, const char *sections) {
     return g_strdup("HTTP");
 }
@@ -212,8 +214,9 @@ static GBytes *adapt_program(GBytes *message, const guint8 *request, gsize n) {
     return id_of(bytes, size) > 0 ? with_id(bytes, size, id_of(request, n)) : g_bytes_ref(message);
 }
 
-/* USB control requests: the setup packet, and data. The model of the bus answers the requests for
- * descriptors itself. The Tic's "reset command timeout" (0x8c) is sent again and again. */
+/* USB: a control request is a setup packet, and data. Requests for descriptors are ignored, because
+ * the model of the bus answers them itself. The Tic's "reset command timeout" (0x8c) is repeated
+ * again and again. */
 #define GET_DESCRIPTOR 6
 
 static GBytes *key_usb(const guint8 *bytes, gsize n) {

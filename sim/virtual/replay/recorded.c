@@ -57,7 +57,8 @@ static GBytes *read_quoted(const char *at) {
     return g_byte_array_free_to_bytes(g_steal_pointer(&to));
 }
 
-/* Reads bytes: two hexadecimal digits each, and "*N" after a byte that comes N times. */
+/* Reads bytes. Each is written as two hexadecimal digits. "*N" after a byte means that it comes N
+ * times. */
 static GBytes *read_hex(const char *at) {
     g_autoptr(GByteArray) to = g_byte_array_new();
     while (*at) {
@@ -86,7 +87,7 @@ static GBytes *read_hex(const char *at) {
     return g_byte_array_free_to_bytes(g_steal_pointer(&to));
 }
 
-/* Reads what follows the time: "@1 > …" or "[axis turntable] …". */
+/* Reads the part of a line after the time, such as "@1 > …" or "[axis turntable] …". */
 static gboolean read_body(const Recorded *in, struct recorded_line *line, const char *at,
                           GError **error) {
     if (*at == '[') {

@@ -19,10 +19,10 @@
 
 #define TICK_MS     5
 #define MAX_REQUEST 65536
-/* time from the opening of the port to the greeting; a driver drops what comes earlier */
+/* time in ms from the opening of the port to the greeting; a driver ignores what comes earlier */
 #define GREETING_MS 100
-#define MBAP_SIZE   6 /* bytes of the head of Modbus TCP, before the unit */
-/* number of the computer's address (virtual_dmx_address()); devices have 1 to 7 */
+#define MBAP_SIZE   6 /* bytes of the header of Modbus TCP before the unit */
+/* number of the computer's address (virtual_dmx_address()); devices have the numbers 1 to 7 */
 #define COMPUTER    0
 #define MAX_DEVICES 7
 
@@ -35,7 +35,8 @@ struct bus {
     struct terminal terminal;
     int listens, fd; /* −1 if there is none */
     int http_port;
-    /* serial: time when the port was first opened; 0 before that; −1 after the greeting */
+    /* For a serial bus: time when the port was first opened. 0 before that, and −1 after the
+     * greeting. */
     gint64 opened_us;
     GByteArray *input;
     struct virtual_usb_class usb_class;
@@ -79,8 +80,8 @@ static void write_message(int fd, GBytes *message) {
     write_all(fd, bytes, n);
 }
 
-/* Sends an answer with a head that has the transaction of the request and the length of the
- * answer. */
+/* Sends an answer of Modbus TCP. Its header has the transaction id of the request and the length of
+ * the answer. */
 static void write_modbus(int fd, const guint8 *request, GBytes *message) {
     gsize n;
     const guint8 *bytes = g_bytes_get_data(message, &n);
@@ -94,7 +95,7 @@ static void write_modbus(int fd, const guint8 *request, GBytes *message) {
     write_all(fd, whole, MBAP_SIZE + n);
 }
 
-/* Answers a request by HTTP. The message is "STATUS BODY". */
+/* Answers a request by HTTP. The recorded message has the form "STATUS BODY". */
 static void write_http(int fd, GBytes *message) {
     gsize n;
     const char *bytes = g_bytes_get_data(message, &n);
@@ -110,8 +111,8 @@ static void write_http(int fd, GBytes *message) {
     write_all(fd, (const guint8 *)whole, strlen(whole));
 }
 
-/* Returns the length of a request by HTTP, or 0 if the request is not complete. *ret_text is the
- * request in the form of a recording. Free it with g_free(). */
+/* Returns the length of a request by HTTP, or 0 if the request is not complete. Sets *ret_text to
+ * the request as it is written in a recording. Free the text with g_free(). */
 static gsize cut_http(const char *bytes, gsize n, char **ret_text) {
     const char *body = g_strstr_len(bytes, (gssize)n, "\r\n\r\n");
     if (!body)
@@ -130,7 +131,8 @@ static gsize cut_http(const char *bytes, gsize n, char **ret_text) {
     return (gsize)(body - bytes) + size;
 }
 
-/* Takes the first request of the input of a connection. Returns FALSE if there is none. */
+/* Removes the first request from the input of a connection, and answers it. Returns FALSE if there
+ * is none. */
 static gboolean take_first(struct bus *bus, const struct replay_protocol *protocol) {
     const char *bytes = (const char *)bus->input->data;
     const gsize n = bus->input->len;
@@ -208,7 +210,7 @@ static void serve_udp(struct bus *bus) {
     }
 }
 
-/* Sends what the device says when its port is opened. */
+/* Sends the recorded greeting: what the device sends when its port is opened. */
 static void greet(struct bus *bus) {
     struct pollfd fd = {.fd = bus->fd};
     const GPtrArray *greeting = steps_greeting(bus->steps);
@@ -270,8 +272,8 @@ static int on_usb(gpointer model, const guint8 *setup, guint8 *data) {
     return (int)n;
 }
 
-/* Makes the device of a note such as "1ffb:00b5 Tic T834". If the name begins with USBRelay, the
- * only interface is that of a HID. Otherwise the only interface is vendor-specific. */
+/* Makes the USB device of a note such as "1ffb:00b5 Tic T834". The device has one interface. It is
+ * a HID interface if the name begins with USBRelay, and vendor-specific otherwise. */
 static gboolean plug_usb(struct bus *bus, int number, GError **error) {
     static const guint8 vendor_specific[] = {9, 2, 18, 0, 1, 1,    0, 0xc0, 50,
                                              9, 4, 0,  0, 0, 0xff, 0, 0,    0};
@@ -333,8 +335,8 @@ static guint16 udp_port(const Recorded *recorded, int number) {
     return 6454;
 }
 
-/* Returns the address of a device in the network. WLED has two buses at one address. In a recording
- * with WLED, all buses have the same address. */
+/* Returns the address of a device in the network. If the recording has a WLED, all buses have the
+ * same address, because a WLED has two buses at one address. */
 static const char *address_of(const Recorded *recorded, int number) {
     gboolean http = FALSE;
     for (guint i = 0; i < recorded->kinds->len; i++)
@@ -360,7 +362,7 @@ static gboolean open_tcp(struct bus *bus, const char *host) {
     return bus->listens >= 0;
 }
 
-/* Makes the socket to which the program connects its input and output. */
+/* Makes the socket that the Python program connects to its standard input and output. */
 static gboolean open_socket(struct bus *bus, int number) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     g_snprintf(address.sun_path, sizeof address.sun_path, "%s/%d", bus->replay->folder, number);
@@ -441,7 +443,7 @@ static gboolean add_bus(Replay *replay, int number, const char *kind, GError **e
     return !protocol || bus_open(bus, number, error);
 }
 
-/* Returns the lines that take the place of "KEY = @N". */
+/* Returns the text that replaces "KEY = @N" in the sections. */
 static char *placed(const Replay *replay, const char *key, const struct bus *bus) {
     if (strcmp(bus->kind, "program") == 0)
         return g_strdup_printf("%s = /usr/bin/python3\narguments = %s;%s", key, replay->pipe,

@@ -18,28 +18,29 @@
 
 typedef struct Replay Replay;
 
-/* Starts the devices. Keeps recorded, which must stay valid. pipe is the path of a Python program
- * that takes the place of a replayed program. The Python program sends its standard input to the
- * socket that its argument names, and writes what it receives from this socket to its standard
- * output. Buses that cannot be replayed, such as those of cameras, are left out. Returns NULL with
- * an error if a device cannot be made. */
+/* Starts the devices. recorded must stay valid as long as the replay. Buses that cannot be
+ * replayed, such as those of cameras, are left out. Returns NULL with an error if a device cannot
+ * be made.
+ *
+ * pipe is the path of a Python program that takes the place of a recorded program. It sends its
+ * standard input to the socket that its argument names, and writes what it receives from this
+ * socket to its standard output. */
 Replay *replay_new(const Recorded *recorded, const char *pipe, GError **error);
 void replay_free(Replay *replay); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Replay, replay_free)
 
-/* Returns the sections of the recording, with the places of the replayed devices. The replay owns
- * the text. */
+/* Returns the sections of the recording. "@N" is replaced by the place of the replayed device. The
+ * replay owns the text. */
 const char *replay_sections(const Replay *replay);
 
-/* Returns whether all requests that stand before this line of the file have come. The line G_MAXINT
- * means all requests. */
+/* Returns whether all requests before this line of the recording have come. G_MAXINT means all
+ * requests of the recording. */
 gboolean replay_is_at(Replay *replay, int line);
 
 /* Returns the first difference, as "FILE:LINE: expected …, but the program sent …". Returns NULL if
  * there was none. Free it with g_free(). */
 char *replay_difference(Replay *replay);
 
-/* Returns the next request that the program has not sent, as "FILE:LINE: expected …, but nothing
- * came". Returns NULL if all requests have come (replay_is_at(replay, G_MAXINT)). Free it with
- * g_free(). */
+/* Returns the next request that is missing, as "FILE:LINE: expected …, but nothing came". Returns
+ * NULL if all requests have come. Free it with g_free(). */
 char *replay_missing(Replay *replay);

@@ -10,8 +10,8 @@ struct step {
     char *stream;
     GPtrArray *answers; /* of GBytes: all messages up to the next request */
     gboolean stalls;
-    struct step *before; /* the step before this step in its stream, or NULL */
-    GBytes *seen;        /* the request as the program has sent it; NULL if it has not come */
+    struct step *before; /* the previous step of the same stream, or NULL */
+    GBytes *seen;        /* the request as the program has sent it; NULL until then */
 };
 
 struct steps {
@@ -19,7 +19,7 @@ struct steps {
     const struct replay_protocol *protocol;
     GPtrArray *list; /* of struct step */
     GPtrArray *greeting;
-    GHashTable *last; /* key: stream; value: the last step of the stream that has come */
+    GHashTable *last; /* the last step of each stream that has come; the key is the stream */
     guint next;
     char *difference;
 };
@@ -48,7 +48,8 @@ static GBytes *adapted(const struct steps *steps, GBytes *message, const guint8 
                                          : g_bytes_ref(message);
 }
 
-/* Returns whether the answers of two steps say the same. They may differ in their numbers. */
+/* Returns whether two steps have the same answers, apart from the numbers of the requests in
+ * them. */
 static gboolean say_the_same(const struct steps *steps, const struct step *a,
                              const struct step *b) {
     if (!steps->protocol->adapt)
@@ -89,8 +90,8 @@ static void add_request(struct steps *steps, int line, const guint8 *bytes, gsiz
     g_ptr_array_add(steps->list, step);
 }
 
-/* Adds the requests of a line of the recording. A line is one write of the driver, which may have
- * several requests. */
+/* Adds the requests of a line of the recording. A line is what the driver has written at once. It
+ * may contain several requests. */
 static void add_line(struct steps *steps, const struct recorded_line *line, GHashTable *streams) {
     gsize n, length;
     const guint8 *bytes = g_bytes_get_data(line->bytes, &n);
@@ -167,7 +168,8 @@ static char *shown(const guint8 *bytes, gsize n) {
     return g_string_free(to, FALSE);
 }
 
-/* Returns the next request that must come, or NULL. */
+/* Returns the next step whose request must come, or NULL. Repetitions without a new answer need not
+ * come. */
 static const struct step *next_news(const struct steps *steps) {
     for (guint i = steps->next; i < steps->list->len; i++)
         if (!is_no_news(steps, steps->list->pdata[i]))
@@ -194,7 +196,7 @@ static void differ(struct steps *steps, const guint8 *bytes, gsize n) {
                                         steps->recorded->path, step->line, expected, seen, same);
 }
 
-/* Returns a message with the number that its request has now. */
+/* Returns a message with the number that its request has in this run. */
 static GBytes *numbered(const struct steps *steps, GBytes *message) {
     const struct replay_protocol *protocol = steps->protocol;
     gsize length;
@@ -211,7 +213,8 @@ static GBytes *numbered(const struct steps *steps, GBytes *message) {
     return g_bytes_ref(message);
 }
 
-/* Appends the answers of a step. If only_own is TRUE, leaves out what the device said by itself. */
+/* Appends the answers of a step. If only_own is TRUE, messages that the device has sent by itself
+ * are left out. */
 static enum steps_result answer(struct steps *steps, struct step *step, const guint8 *bytes,
                                 gsize n, gboolean only_own, GPtrArray *ret) {
     const struct replay_protocol *protocol = steps->protocol;
@@ -231,7 +234,8 @@ static enum steps_result answer(struct steps *steps, struct step *step, const gu
     return step->stalls ? STEPS_STALLED : STEPS_ANSWERED;
 }
 
-/* Returns the next step that has this key, if only steps without news stand before it. */
+/* Returns the next step with this key, or NULL. Only repetitions without a new answer are passed
+ * over. */
 static struct step *find(struct steps *steps, GBytes *key) {
     for (guint i = steps->next; i < steps->list->len; i++) {
         struct step *step = steps->list->pdata[i];

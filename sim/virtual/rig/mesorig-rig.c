@@ -1,5 +1,5 @@
-/* mesorig-rig makes a rig of virtual devices on this machine, with which the real drivers can be
- * tried. */
+/* mesorig-rig makes a rig of virtual devices on this machine. With it, the real drivers can be
+ * tried without devices. */
 #include "base/data_error.h"
 #include "base/json.h"
 #include "base/output_file.h"
@@ -40,8 +40,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Returns the text of the rig file, with a first line that has the kind and the checksum of the
- * rest. By the checksum, mesorig-rig notices at its end and at its next start whether somebody has
+/* Returns the text of the rig file. Its first line has the kind of the file and the checksum of the
+ * rest. The checksum shows mesorig-rig, at its end and at its next start, whether somebody has
  * changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
@@ -76,8 +76,8 @@ static OutputFile *virtual_rig_main_output(GError **error) {
                            force, error);
 }
 
-/* Removes the rig file, because it is useless without its devices. A file that the user has changed
- * is kept. */
+/* Removes the rig file, because it is useless without its devices. If the user has changed the
+ * file, it is kept. */
 static void virtual_rig_main_remove_file(void) {
     if (virtual_rig_main_is_own(out_path))
         g_unlink(out_path);
@@ -106,8 +106,8 @@ static void virtual_rig_main_print_json(const struct virtual_rig_device *devices
     g_print("%s}\n", text->str);
 }
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. If `to` is NULL (without
- * -o), only prints the rig file. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. Without -o, `to` is NULL,
+ * and the rig file itself is printed instead. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
@@ -169,7 +169,7 @@ static void on_line(GObject *source, GAsyncResult *result, gpointer rig) {
     g_autofree char *line =
         g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(source), result, NULL, NULL);
     if (!line)
-        return; /* the end of standard input does not end the devices */
+        return; /* the devices continue to run after the end of standard input */
     obey(rig, g_strstrip(line));
     read_command(G_DATA_INPUT_STREAM(source), rig);
 }
@@ -178,8 +178,8 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* Begins to read commands from standard input. In a background job, the function reads nothing and
- * returns NULL, because the terminal would stop a background job that reads. */
+/* Begins to read commands from standard input. In a background job, reads nothing and returns NULL,
+ * because the terminal stops a background job that reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;
@@ -197,8 +197,8 @@ static int virtual_rig_main_run(void) {
                                             (const char *const *)still, (const char *const *)gcode,
                                             (const char *const *)serial};
     g_autoptr(VirtualRig) rig = error ? NULL : virtual_rig_new(virtual_path, &kinds, &error);
-    /* The signals are caught before the file is written, because a program that waits for the file
-     * may then end this program, and this program must remove the file. */
+    /* The signals are caught before the rig file is written. Another program may wait for this file
+     * and then end this program at once. This program must then still remove the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);

@@ -13,14 +13,14 @@
 #define COUPLE_MS     1
 #define LAMP_UNIT     1
 
-#define FIRST_U3V_PORT (MAX_USB + 1) /* first port of the virtual bus for USB3 Vision cameras */
+#define FIRST_U3V_PORT (MAX_USB + 1) /* first port of USB3 Vision cameras on the virtual bus */
 
-/* Timeouts of a line. They are long, because a virtual drive on a busy desktop computer answers
- * later than a real drive. */
+/* Timeouts of a line in ms. They are long, because a virtual drive on a busy desktop computer
+ * answers later than a real drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
-/* Watchdog keys, which are the same for all sections of a board. The watchdog waits five seconds,
- * because even a busy machine delays a program by less. */
+/* Keys of the watchdog, the same for all sections of a board. The time of five seconds is longer
+ * than the delays of a program on a busy machine. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
@@ -54,7 +54,7 @@ void rig_set_error(GError **error, const struct config_section *section, const c
     config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
 }
 
-/* Appends a section to rig->text for the driver `to`, without the options that only the driver
+/* Appends a section to rig->text for the driver `to`. Leaves out the options that only the driver
  * `from` has. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to) {
@@ -64,7 +64,7 @@ void rig_copy_section(VirtualRig *rig, const struct config_section *section,
         gboolean is = to && find_option(to->options, *key);
         gboolean chooses = g_str_equal(*key, "driver") && to;
         gboolean clock = g_str_equal(*key, "clock") && g_str_equal(section->class_name, "rig");
-        /* add_still() writes the response of a still camera. */
+        /* The response of a still camera is not copied, because add_still() writes it. */
         gboolean response = g_str_equal(*key, "response") && to == &gphoto2_camera_driver.info;
         const char *value = config_value(section, *key, NULL);
         /* The path of the positions is made absolute, because the new rig file may be in another
@@ -88,8 +88,9 @@ void rig_list_device(VirtualRig *rig, const struct config_section *section, cons
     g_array_append_val(rig->devices, device);
 }
 
-/* Sets rig->world to the world of a section, if the section has the key world. Returns FALSE with
- * an error if the world cannot be loaded, or if another section has named a different world. */
+/* Sets rig->world to the world of a section. Does nothing if the section has no key world. Returns
+ * FALSE with an error if the world cannot be loaded, or if another section names a different
+ * world. */
 static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path)
@@ -121,8 +122,8 @@ World *rig_world(VirtualRig *rig, const struct config_section *section, GError *
     return find_world(rig, section, error) ? rig->world : NULL;
 }
 
-/* Returns the part of the world that an axis moves: the turntable, the arc, the arm, the probe, or
- * the sweep of the laser with that name (rig_part()). */
+/* Returns the name of the part that an axis moves, as world_part_find() needs it. An axis that is
+ * none of the turntable, arc, arm or probe moves the sweep of the laser that rig_part() names. */
 char *rig_axis_part(const struct config_section *section) {
     const char *part = rig_part(section);
     static const char *const others[] = {"turntable", "arc", "arm", "probe", NULL};
@@ -315,8 +316,8 @@ static gboolean virtual_rig_on_timer(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Renders the world as a camera sees the world. The function runs in the thread of the camera when
- * an exposure ends. */
+/* Renders the picture of a camera from the world. The function runs in the thread of the camera
+ * when an exposure has ended. */
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
     struct vision_camera *vision = data;
@@ -348,7 +349,8 @@ static gboolean add_still(VirtualRig *rig, const struct config_section *section,
     rig->n_cameras++;
     const char *port = virtual_ptpip_port(vision->still);
     rig_copy_section(rig, section, &sim_camera_driver.info, &gphoto2_camera_driver.info);
-    /* The helper of the driver stretches the values of the raw file to 16 bits. */
+    /* The driver's helper program stretches the values of the raw file to 16 bits, so the response
+     * is also larger by this factor. */
     const double white = (double)(1 << sensor->bits) - 1,
                  stretch = (CONVERT_WHITE - CONVERT_BLACK) / (white - sensor->black_level);
     if (config_value(section, "response", NULL))

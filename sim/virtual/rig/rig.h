@@ -1,18 +1,24 @@
 /*
- * This module makes a whole rig of virtual devices, which speak the real protocols. For each device
- * of a simulated rig, the virtual rig has a virtual device that a real driver can open. Axes are
- * Modbus RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of
- * relays and inputs on the loopback interface. Cameras are GigE Vision cameras on the loopback
- * interface. Alternatively, devices are on USB buses that umockdev emulates. Axes are then Pololu
- * Tics, lamps and lasers are connected to HID relay boards, and cameras are V4L2 or USB3 Vision
- * cameras. Cameras may also be still cameras on PTP/IP. Axes may be on boards that speak G-code,
- * and lamps may be on serial LED controllers. These boards and controllers are on pseudo-terminals.
- * All devices act on the world of the simulated rig or look at it, so the cameras see a lamp that a
- * relay switches.
+ * A whole rig of virtual devices, which speak the real protocols. For each device of a simulated
+ * rig, it has a virtual device that a real driver can open.
  *
- * Devices run in separate threads. The main loop, which must run, transfers their motion and light
- * to the world. The thread of a camera that is not a V4L2 camera does the same before it renders a
- * frame.
+ * The usual devices:
+ * - Axes are Modbus RTU drives on pseudo-terminals.
+ * - Lamps, lasers and interlocks are Modbus TCP boards of relays and inputs on the loopback
+ *   interface.
+ * - Cameras are GigE Vision cameras on the loopback interface.
+ *
+ * Devices of other kinds (struct virtual_rig_kinds):
+ * - On USB buses that umockdev emulates, axes are Pololu Tics, lamps and lasers are connected to
+ *   HID relay boards, and cameras are V4L2 or USB3 Vision cameras.
+ * - Cameras may be still cameras on PTP/IP.
+ * - Axes may be on boards that speak G-code, and lamps on serial LED controllers. These boards and
+ *   controllers are on pseudo-terminals.
+ *
+ * All devices act on the world of the simulated rig or look at it, so the cameras see a lamp that a
+ * relay switches. Devices run in separate threads. The main loop, which must run, transfers their
+ * motion and light to the world. The thread of a camera that is not a V4L2 camera does the same
+ * before it renders a frame.
  */
 #pragma once
 
@@ -29,15 +35,14 @@ struct virtual_rig_device {
     char *where;   /* address of the device, such as "127.77.4.9" or "/dev/pts/5 unit 1" */
 };
 
-/* Names of devices that will be of another kind than usual. Each member is an array of names that
- * ends with NULL. The name "all" means all devices of the kind. A member that is NULL means no
- * device. */
+/* Names of devices that are not of the usual kind. Each member is an array of names that ends with
+ * NULL, or is NULL for no device. The name "all" means all devices that can be of this kind. */
 struct virtual_rig_kinds {
     const char *const *usb;   /* devices on USB */
     const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
-    const char *const *still; /* still cameras on PTP/IP, also if usb or u3v names them */
-    const char *const *gcode; /* axes on boards that speak GRBL, also if usb names them */
-    /* lamp banks on serial LED controllers, also if usb names them */
+    const char *const *still; /* still cameras on PTP/IP; takes precedence over usb and u3v */
+    const char *const *gcode; /* axes on boards that speak GRBL; takes precedence over usb */
+    /* lamp banks on serial LED controllers; takes precedence over usb */
     const char *const *serial;
 };
 
@@ -49,8 +54,8 @@ VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *ki
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
 
-/* Returns the rig file for the real drivers. It has the geometry, speeds and names of the simulated
- * rig. The rig owns the string. */
+/* Returns the text of the rig file for the real drivers. Geometry, speeds and names are those of
+ * the simulated rig. The rig owns the string. */
 const char *virtual_rig_text(const VirtualRig *rig);
 
 /* Returns the environment variables that a program needs to see the rig's USB devices, as
@@ -68,24 +73,27 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
 /* Disconnects a device, or connects it again. name is the name of its section, such as "cam30" or
- * "camera cam30". A board (Modbus or G-code) is disconnected for all sections that share it. For a
- * Modbus device, this also ends the faults of virtual_rig_fail_lines(). Of the devices on USB, only
- * USB3 Vision cameras can be disconnected. A still camera is switched off. Returns FALSE with an
- * error if there is no such device, or if it cannot be disconnected. */
+ * "camera cam30". Returns FALSE with an error if there is no such device, or if it cannot be
+ * disconnected.
+ *
+ * A board (Modbus or G-code) is disconnected for all sections that share it. For a Modbus device,
+ * this also ends the faults of virtual_rig_fail_lines(). A still camera is switched off. Of the
+ * devices on USB, only USB3 Vision cameras can be disconnected. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
-/* Changes the sample: the devices act on the world of this file from now on. The new world must
- * have the same cameras, lamps and lasers as the present world, with the same names and sensors. A
- * rig with devices on USB other than USB3 Vision cameras cannot change its world. Returns FALSE
- * with an error if the world is not changed. This is also the case if the file is that of the
- * present world. */
+/* Changes the sample: from now on, the devices act on the world of this file. The new world must
+ * have the same cameras, lamps and lasers as the present world, with the same names and sensors.
+ *
+ * Returns FALSE with an error if the world is not changed: if the file cannot be loaded or does not
+ * fit, if it is the file of the present world, or if the rig has devices on USB other than USB3
+ * Vision cameras. */
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
 
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* n_lit is the number of lamps and lasers that are on. n_moving is the number of axes that move
- * now; a board that speaks G-code counts as one axis. */
+/* `n_lit` is the number of lamps and lasers that are on. `n_moving` is the number of axes that move
+ * now. All axes of a board that speaks G-code count as one. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

@@ -6,13 +6,14 @@
 #include <math.h>
 #include <string.h>
 
-#define UNITS_PER_DEG 10 /* GRBL reports three decimals of a unit, which are 0.0001° */
+/* GRBL reports positions with three decimals, so the resolution is 0.0001° */
+#define UNITS_PER_DEG 10
 #define STEPS         1000
 #define MAX_UNITS_S   5000
 #define MAX_UNITS_S2  100000
 
-/* Returns the board of the next axis. Makes another board when the last board has no free letter.
- * Returns NULL with an error if the board cannot be made. */
+/* Returns the board of the next axis. If the last board has no free axis letter, makes another
+ * board. Returns NULL with an error if the board cannot be made. */
 static VirtualGcode *board_with_room(VirtualRig *rig, GError **error) {
     static const struct virtual_gcode_options options = {.n_axes = VIRTUAL_GCODE_AXES,
                                                          .units_s = MAX_UNITS_S,
@@ -87,7 +88,7 @@ void rig_add_gcode_state(VirtualRig *rig, struct virtual_rig_state *to) {
     struct virtual_gcode_state state;
     for (int i = 0; i < rig->n_gcode_axes; i++) {
         if (rig->gcode_drives[i].axis > 0)
-            continue; /* the state of a board is added once, with its first axis */
+            continue; /* a board is counted only once, with its first axis */
         virtual_gcode_state(rig->gcode_drives[i].board, &state);
         to->n_moving += state.moving;
     }

@@ -11,8 +11,8 @@ static gboolean set_cut(VirtualModbus *device, gboolean cut) {
     return TRUE;
 }
 
-/* Returns the Modbus device on the bus that is at the beginning of `where`, such as "/dev/pts/5
- * unit 1". Returns NULL if no device is on that bus. */
+/* Returns the Modbus device whose bus is named at the beginning of `where`, such as "/dev/pts/5
+ * unit 1". Returns NULL if there is none. */
 static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
     for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
         VirtualModbus *device =
@@ -78,9 +78,9 @@ static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b
     return n_a == n_b;
 }
 
-/* Returns whether the new world fits the rig. Both worlds must have the same cameras, lamps and
- * lasers in the same order, because the rig identifies them by their numbers in the world. Size,
- * bits and colour filter of each camera must also be equal. */
+/* Returns whether the new world fits the rig. Cameras, lamps and lasers must have the same names in
+ * the same order, because the rig identifies them by their numbers in the world. Size, bits and
+ * colour filter of each camera must also be equal. */
 static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
     const char *other =
         !have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras)

@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-/* Time without a request after which the lamps go off. The time is long, because a busy desktop
- * computer delays a program more than a computer that only captures. */
+/* Time in ms without a request after which the lamps go off. The time is long, because a busy
+ * desktop computer delays a program more than a computer that only captures. */
 #define DARK_MS 5000
 
 gboolean rig_add_leds(VirtualRig *rig, const struct config_section *section, GError **error) {

@@ -19,7 +19,7 @@
 
 #define MAX_COILS   VIRTUAL_MODBUS_BITS
 #define MAX_DEVICES 64
-/* number of ports of the virtual bus; each Tic and each relay board needs one */
+/* number of ports of the virtual bus; each Tic and each relay board occupies one */
 #define MAX_USB 9
 
 struct drive {
@@ -85,7 +85,7 @@ struct VirtualRig {
     int n_led_banks;
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* Boards of USB relays. `switches` is the board of all lasers. It is also an element of
+    /* Boards of USB relays. All lasers are on the board `switches`, which is also an element of
      * `relays`. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
@@ -96,8 +96,8 @@ struct VirtualRig {
     guint timer;
 };
 
-/* Returns the number in the section, or the default of the option. Returns 0 if the section has no
- * number and the option has no default. */
+/* Returns the value of a key of the section as a number, or the default of the option. Returns 0 if
+ * the section has no such key and the option has no default. */
 double rig_number(const struct config_section *section, const struct driver_info *driver,
                   const char *key);
 const char *rig_part(const struct config_section *section);
@@ -105,18 +105,19 @@ gboolean rig_wraps(const struct config_section *section);
 void rig_set_error(GError **error, const struct config_section *section, const char *what);
 
 /* Returns the world that a section names. The rig owns the world. Returns NULL with an error if the
- * section names no world or a different world than other sections, or if the world cannot be
- * loaded. */
+ * section names no world, if it names a different world than other sections, or if the world cannot
+ * be loaded. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
-/* Returns the names of the *ret_n lamps that a bank switches, in order. Free them with
- * g_strfreev(). */
+/* Returns the names of the lamps that a bank switches, in order. Sets *ret_n to their number. Free
+ * the names with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 /* Returns the name that world_part_find() needs for the part that an axis moves. Free the name with
  * g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
-/* Copy a section without the keys that only the simulated driver accepts. rig_copy_motion() copies
- * the section of an axis, and adds its speed and acceleration if the section does not have them. */
+/* These functions copy a section without the keys that only the simulated driver accepts.
+ * rig_copy_motion() copies the section of an axis. It adds speed and acceleration if the section
+ * does not have them. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to);
 void rig_copy_motion(VirtualRig *rig, const struct config_section *section,

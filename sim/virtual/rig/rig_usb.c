@@ -9,12 +9,13 @@
 #include <math.h>
 
 #define MAX_STEPS_PER_DEG 1000
-#define MAX_STEPS_S       40000 /* most steps per second; a Tic allows up to 50000 */
+#define MAX_STEPS_S       40000 /* largest number of steps per second; a Tic allows up to 50000 */
 #define MAX_RELAYS        8
-#define SWITCH_DEG        1 /* angle from a limit of the axis to the limit switch beyond it */
+/* angle in degrees from a limit of the axis to the limit switch beyond it */
+#define SWITCH_DEG 1
 
-/* All cameras are on one SuperSpeed hub, which has enough bandwidth for eight cameras of 1024 × 768
- * pixels. */
+/* Speed of the SuperSpeed hub that all cameras share, in Mbit/s. It has enough bandwidth for eight
+ * cameras of 1024 × 768 pixels. */
 #define HUB_MBIT_S 5000
 #define FRAME_RATE 25
 
