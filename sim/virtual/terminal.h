@@ -8,23 +8,25 @@
 #include <glib.h>
 
 struct terminal {
-    /* the device's end of the wire, which does not block; −1 if the device is unplugged */
+    /* the device's end of the pseudo-terminal, which does not block; −1 if the device is
+     * unplugged */
     int wire;
-    int slave; /* other end of the wire, if the device holds it open; otherwise −1 */
-    int kept;  /* other end of the wire that was unplugged last, or −1 */
+    int slave; /* the program's end, if the device also holds it open; otherwise −1 */
+    int kept;  /* the program's end of the pseudo-terminal that was unplugged last, or −1 */
 };
 
 #define TERMINAL_CLOSED                                                                            \
     { -1, -1, -1 }
 
-/* Opens a new pseudo-terminal, and makes the link to it. With reports_opening, the wire reports
- * POLLHUP while no program has the port open. */
+/* Opens a new pseudo-terminal, and makes the link to it. If reports_opening is TRUE, poll() on the
+ * wire reports POLLHUP while no program has the port open. */
 gboolean terminal_open(struct terminal *terminal, const char *link, gboolean reports_opening);
 
-/* Closes the wire, so that the system tells the program at the port that the line has hung up.
- * Keeps the number of the terminal in use until the next call of terminal_unplug() or
+/* Closes the wire. The system then tells the program at the port that the line has hung up.
+ *
+ * The number of the pseudo-terminal stays in use until the next call of terminal_unplug() or
  * terminal_close(), so that no other program gets it. This is necessary because a driver keeps its
- * lock of the number until it opens the port again. */
+ * lock on this number until it opens the port again. */
 void terminal_unplug(struct terminal *terminal);
 
 /* Closes all descriptors. */

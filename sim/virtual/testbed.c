@@ -56,8 +56,8 @@ void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback f
     g_signal_connect_closure(handler, signal, closure, FALSE);
 }
 
-/* A closure exists as long as a thread is calling it. This function waits until none of the
- * closures exists. */
+/* A closure exists while a thread is calling it. This function therefore waits until there are no
+ * closures any more. */
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data) {
     const gint *n_closures = g_object_get_data(G_OBJECT(handler), CLOSURES);
     g_signal_handlers_disconnect_by_data(handler, data);

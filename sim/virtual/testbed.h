@@ -10,8 +10,8 @@
 
 #include <umockdev.h>
 
-/* Starts the program again with umockdev's library preloaded, unless the library is preloaded
- * already. Call this function first in main(). */
+/* Starts the program again with umockdev's library preloaded. Does nothing if the library is
+ * preloaded already. Call this function first in main(). */
 void testbed_enter(char **argv);
 
 /* Returns whether the library is preloaded. */
@@ -22,7 +22,7 @@ UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 
 /* testbed_connect() works like g_signal_connect(), for functions that umockdev's threads call.
- * testbed_disconnect() disconnects all functions with this data. It returns when no call of these
- * functions is running any more. */
+ * testbed_disconnect() disconnects all functions with this data, and waits until no thread is
+ * calling one of them. */
 void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback func, gpointer data);
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data);

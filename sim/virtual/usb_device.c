@@ -13,15 +13,15 @@
 #define STRING_TYPE    3
 #define TO_ENDPOINT    0x02 /* type of a standard request to an endpoint */
 
-/* Duration of a control request, about as on a full-speed bus. */
+/* Duration in µs of a control request, about as on a full-speed bus. */
 #define LATENCY_US 200
 
-/* Pause after a poll without a result. The mocked node always seems ready, so libusb polls again
- * immediately. */
+/* Pause in µs after a poll without a result. Without a pause, libusb would poll again immediately,
+ * because the simulated node always seems ready. */
 #define IDLE_US 300
 
-/* Pause after a poll without a result, for a device with bulk transfers. During the pause other
- * devices are polled. */
+/* Pause in ms after a poll without a result, for a device with bulk transfers. During the pause,
+ * other devices are polled. */
 #define PATIENT_MS 1
 
 enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };
@@ -34,19 +34,20 @@ struct VirtualUsb {
     char *node;
     UMockdevIoctlBase *handler;
     GMutex mutex;
-    GQueue flying;        /* of struct flight */
-    gboolean asked_again; /* a poll found nothing after the last transfer was submitted or reaped */
+    GQueue flying; /* of struct flight */
+    /* a poll has found nothing since a transfer was last submitted or reaped */
+    gboolean asked_again;
     enum virtual_usb_fault fault;
     int n_requests;
     guint8 *room; /* buffer for the data of a bulk transfer */
     int room_size;
-    /* Endpoints that stall: a bit for each endpoint number. The endpoints that the host reads begin
-     * at bit 16. */
+    /* A bit for each endpoint that stalls. Endpoints that the host reads begin at bit 16, and the
+     * others at bit 0. */
     guint32 halted;
 };
 
 struct flight {
-    /* The client that holds the transfer in its memory. Only this client may reap the transfer. The
+    /* The client whose memory contains the transfer. Only this client may reap the transfer. The
      * pointer is not a reference. */
     UMockdevIoctlClient *client;
     UMockdevIoctlData *urb;
@@ -55,7 +56,7 @@ struct flight {
     int status, length;
 };
 
-/* The testbed exists while there is any device. */
+/* The testbed exists as long as there is a device. */
 static UMockdevTestbed *testbed;
 static int n_devices, last_address;
 
@@ -84,8 +85,8 @@ static guint32 endpoint_bit(guint8 endpoint) {
     return 1u << ((endpoint & 0x0f) + (endpoint & 0x80 ? 16 : 0));
 }
 
-/* Answers a standard request. *ret is the length of the answer or a negative errno. Returns FALSE
- * if the class must answer the request. */
+/* Answers a standard request. Sets *ret to the length of the answer, or to a negative errno.
+ * Returns FALSE if the request is not a standard request, so that the class must answer it. */
 static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
     int length = setup[6] | setup[7] << 8, n = 4;
     guint8 descriptor[256] = {4, STRING_TYPE, 0x09, 0x04}; /* the languages: English */
@@ -141,8 +142,8 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->length = MAX(n, 0);
 }
 
-/* Asks the class for the data of a bulk transfer that waits. The transfer continues to wait if
- * there is no data. */
+/* Asks the class for the data of a waiting bulk transfer. If there is no data yet, the transfer
+ * continues to wait. */
 static void usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     const struct usbdevfs_urb *urb = urb_of(flight);
     int size = urb->buffer_length;
@@ -195,7 +196,7 @@ static void usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *client,
     umockdev_ioctl_client_complete(client, 0, 0);
 }
 
-/* Discards a transfer. The data of arg is the address of its URB. */
+/* Discards a transfer. The data of arg is the address of the transfer's URB. */
 static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdevIoctlData *arg) {
     gulong address = *(gulong *)arg->data;
     for (GList *l = usb->flying.head; l; l = l->next) {
@@ -212,8 +213,8 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
 }
 
 static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
-    /* Endpoints that were asked for data. Each endpoint is asked only for its first transfer, so
-     * that transfers get their data in order. */
+    /* The endpoints that have been asked for data. Of each endpoint, only the first transfer is
+     * asked for, so that transfers get their data in order. */
     guint32 asked = 0;
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
@@ -248,11 +249,12 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
     return due_us;
 }
 
-/* Answers a poll that found nothing. The answer comes after a pause, because polls without a pause
- * would use the processor fully. A device with bulk transfers waits most of the time, and there may
- * be eight such devices. libusb submits nothing before a poll has found nothing. For such a device,
- * the first poll that finds nothing is therefore answered immediately, and the pause ends when a
- * transfer is due. */
+/* Answers a poll that found nothing. The answer comes after a pause, because continuous polls would
+ * use the processor fully.
+ *
+ * A device with bulk transfers waits most of the time, and there may be eight such devices. libusb
+ * submits the next transfer only after a poll that found nothing. The first such poll is therefore
+ * answered immediately. For later polls, the pause ends when a transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
@@ -392,8 +394,8 @@ void virtual_usb_plug(VirtualUsb *usb) {
     g_assert_no_error(error);
 }
 
-/* Like the kernel, this function ends transfers under way, refuses new transfers, and reports that
- * the device is gone. */
+/* As the kernel does, this function ends all transfers, refuses new transfers, and reports that the
+ * device is gone. */
 void virtual_usb_unplug(VirtualUsb *usb) {
     virtual_usb_lock(usb);
     g_autofree char *sysfs = g_steal_pointer(&usb->sysfs);

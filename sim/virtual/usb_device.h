@@ -17,19 +17,20 @@ struct virtual_usb_class {
     const char *serial;
     const guint8 *config; /* configuration descriptor, including all descriptors in it */
     gsize config_size;
-    /* Answers a control request. setup has 8 bytes, and data has the length that setup gives.
-     * Returns the number of bytes of the answer, which are in data, or -EPIPE to stall. */
+    /* Answers a control request. setup has 8 bytes. data has the length that setup gives, and
+     * receives the answer. Returns the number of bytes of the answer, or -EPIPE to stall. */
     int (*control)(gpointer model, const guint8 *setup, guint8 *data);
 
     /* The following members are optional. */
     guint8 device_class[3]; /* class, subclass, protocol */
     int speed_mbit_s;       /* 5000 for SuperSpeed; 0 means 12, full speed */
     const char *manufacturer;
-    const char *const *strings; /* further strings, numbered from 4 on, NULL-terminated */
-    /* Takes a transfer to a bulk endpoint. Returns -EPIPE to stall. */
+    const char *const *strings; /* further strings, with numbers from 4 on, NULL-terminated */
+    /* Takes data that the host sends to a bulk endpoint. Returns -EPIPE to stall. */
     int (*bulk_out)(gpointer model, guint8 endpoint, const guint8 *data, int n);
-    /* Answers a request for at most size bytes from a bulk endpoint. Returns the number of bytes,
-     * -EPIPE to stall, or -EAGAIN if there is no data yet. The request is then repeated. */
+    /* Sets data to at most size bytes for the host, from a bulk endpoint. Returns the number of
+     * bytes, or -EPIPE to stall. Returns -EAGAIN if there is no data yet; the function is then
+     * called again later. */
     int (*bulk_in)(gpointer model, guint8 endpoint, guint8 *data, int size);
 };
 
@@ -40,7 +41,7 @@ enum virtual_usb_fault {
     VIRTUAL_USB_SHORT,  /* answers with half of the data */
 };
 
-/* Makes a device that is plugged into port 1 to 9 of bus 1. model must live longer than the
+/* Makes a device that is plugged into a port from 1 to 9 of bus 1. model must exist longer than the
  * device. */
 VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model);
 void virtual_usb_free(VirtualUsb *usb);
@@ -49,14 +50,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualUsb, virtual_usb_free)
 void virtual_usb_unplug(VirtualUsb *usb);
 void virtual_usb_plug(VirtualUsb *usb); /* gives a new address, as on a real bus */
 
-/* Sets the fault. Requests that are under way are not affected. */
+/* Sets the fault. Requests that have already begun are not affected. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
-/* Returns the number of requests of the class since the device was made. */
+/* Returns the number of requests to the class since the device was made. */
 int virtual_usb_n_requests(VirtualUsb *usb);
 
 /* Makes this endpoint stall until the host clears the stall. */
 void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);
 
-/* Lock and unlock the device. A test calls these around code that reads or changes a model. */
+/* Lock and unlock the device. A test calls these functions around code that reads or changes a
+ * model. */
 void virtual_usb_lock(VirtualUsb *usb);
 void virtual_usb_unlock(VirtualUsb *usb);

@@ -21,7 +21,7 @@ struct VirtualRelays {
 /* clang-format off */
 static const guint8 config[] = {
     9, 2, 34, 0, 1, 1, 0, 0x80, 50, INTERFACE(0, 1, 3), HID, INTERRUPT(0x81)};
-/* In this device, the relays are the second interface and have another endpoint address. */
+/* A board with two interfaces: the relays are the second one, with another endpoint address. */
 static const guint8 config_second[] = {
     9, 2, 43, 0, 2, 1, 0, 0x80, 50, INTERFACE(0, 0, 0xff), INTERFACE(1, 1, 3), HID, INTERRUPT(0x85)};
 /* clang-format on */

@@ -6,8 +6,8 @@
 
 #define STEP_US       500
 #define SAFE_START_US 200000  /* duration of an "exit safe start" */
-#define HOMING_SPEED  20000.0 /* in steps per second; on a real Tic it is a setting */
-/* Distance between the points at which the reverse switch opens and closes, in steps. */
+#define HOMING_SPEED  20000.0 /* steps per second; a real Tic has a setting for this speed */
+/* Distance in steps between the positions at which the reverse switch opens and closes. */
 #define SWITCH_DISTANCE 20.0
 
 enum error_bit { DEENERGIZED = 0, TIMED_OUT = 6, SAFE_START = 7 };
@@ -25,7 +25,7 @@ struct VirtualTic {
     gboolean energized, uncertain;
     enum control_state state;
     int homing; /* direction of homing: −1 or 1 */
-    /* origin is the true position, in steps, at which the Tic reports position 0. */
+    /* `origin`: true position, in steps, at which the Tic reports position 0 */
     double steps, origin, velocity, top_speed;
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
@@ -34,7 +34,7 @@ struct VirtualTic {
     double steps_per_deg, zero_steps;
 };
 
-/* The descriptor has one of a Tic's vendor-specific interfaces, without endpoints. */
+/* A configuration with a single interface of a Tic: vendor-specific, without endpoints. */
 static const guint8 config[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 0xff, 0, 0, 0};
 
 static gboolean pressed(const VirtualTic *tic, int direction) {
@@ -52,8 +52,8 @@ static int errors(const VirtualTic *tic) {
         bits |= 1 << DEENERGIZED;
     if (tic->timeout_ms && tic->now_us - tic->command_us > tic->timeout_ms * 1000)
         bits |= 1 << TIMED_OUT;
-    /* The error safe start lasts until the command "exit safe start". It comes back with any other
-     * error. */
+    /* The error "safe start" begins together with any other error. It lasts until the command "exit
+     * safe start". */
     if (tic->now_us > tic->safe_start_us)
         bits |= 1 << SAFE_START;
     return bits;
@@ -81,7 +81,7 @@ static void halt(VirtualTic *tic) {
 
 static void usb_tic_step(VirtualTic *tic, double dt) {
     int bits = errors(tic);
-    if (bits == 0) /* in normal operation, safe start does not come back */
+    if (bits == 0) /* in normal operation, "safe start" does not begin again by itself */
         tic->safe_start_us = MAX(tic->safe_start_us, tic->now_us + STEP_US);
     double wanted = wanted_velocity(tic, bits == 0);
     double most = (fabs(wanted) > fabs(tic->velocity) ? tic->max_accel : tic->max_decel) * dt;
@@ -154,7 +154,7 @@ static int usb_tic_get_setting(const VirtualTic *tic, int offset, int length, gu
     return length;
 }
 
-/* Carries out a request that restarts the command timeout. */
+/* Carries out a request. Requests of this kind restart the command timeout. */
 static void usb_tic_command(VirtualTic *tic, int request, gint32 value) {
     gboolean obeys = tic->mode == 0;
     tic->command_us = tic->now_us;

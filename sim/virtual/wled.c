@@ -29,7 +29,8 @@ struct VirtualWled {
     guint n_received;
 };
 
-/* Computes what the LEDs show. Levels by UDP have the brightness that WLED last had. */
+/* Computes what the LEDs show. Levels that come by UDP are shown with the brightness that WLED last
+ * had. */
 static void show(VirtualWled *wled) {
     struct virtual_wled_state *state = &wled->state;
     const int brightness = wled->brightness ? wled->brightness : wled->last_brightness;

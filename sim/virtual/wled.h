@@ -1,6 +1,6 @@
 /*
- * A virtual WLED controller, in a separate thread and in real time: UDP realtime (DNRGB) at port
- * 21324, and the part of the JSON interface that the driver uses. It was written from the
+ * A virtual WLED controller, in a separate thread and in real time. It has UDP realtime (DNRGB) at
+ * port 21324, and the part of the JSON interface that the driver uses. It was written from the
  * documentation of WLED and shares no code with the driver. It is for tests.
  *
  * Any thread may call these functions, except virtual_wled_new() and virtual_wled_free().
@@ -26,7 +26,7 @@ struct virtual_wled_faults {
     gboolean silent;  /* obeys, but does not answer by HTTP */
     gboolean deaf;    /* does not take UDP */
     gboolean stays;   /* does not go off */
-    gboolean other;   /* says that it shows levels from another address */
+    gboolean other;   /* reports that it shows levels that come from another address */
     gboolean garbage; /* answers with a text that is not JSON */
     gboolean refuses; /* answers with status 500 */
     int lose;         /* n: every n-th UDP packet is lost; 0: none is lost */
@@ -40,7 +40,7 @@ struct virtual_wled_state {
     gboolean lit, on;
     gboolean live; /* it shows the levels that came by UDP */
     int n_packets, n_damaged, n_gets, n_posts;
-    /* number of times that the controller returned to its own state because no packet came */
+    /* number of times that no packet came, so that the controller returned to its own state */
     int n_returns;
 };
 void virtual_wled_state(VirtualWled *wled, struct virtual_wled_state *ret);

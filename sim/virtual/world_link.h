@@ -1,10 +1,10 @@
 /*
- * Connects the outputs of virtual devices to the simulated world. Examples are a relay that powers
- * a lamp, and a motor that turns the turntable. Every virtual camera reads the same World, so a
- * lamp that is switched over one bus is seen by a camera on another bus.
+ * Connects the outputs of virtual devices to the simulated world, such as a relay that powers a
+ * lamp, or a motor that turns the turntable. All virtual cameras see the same World. A camera
+ * therefore sees a lamp that is switched over another bus.
  *
  * The world runs in real time. Its times are those of g_get_monotonic_time(), in µs, as with
- * clock_new_real(). A part is found in the main thread, and may then be used by any thread.
+ * clock_new_real(). A part must be found in the main thread. Any thread may then use it.
  */
 #pragma once
 
@@ -33,10 +33,10 @@ struct world_part {
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* a zeroed part is allowed */
 
-/* Switches a lamp or laser. Has no effect on other parts. at_us is the time when the contact closed
- * or opened. */
+/* Switches a lamp or laser. For other parts, does nothing. at_us is the time at which the contact
+ * closed or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turns a turntable, arc, arm, probe or sweep to deg. Has no effect on other parts. deg_s is the
- * speed of the part at at_us, or 0 if the part stands still. */
+/* Turns a turntable, arc, arm, probe or sweep to deg. For other parts, does nothing. deg_s is the
+ * speed of the part at the time at_us, or 0 if the part stands still. */
 void world_part_turn(const struct world_part *part, double deg, double deg_s, gint64 at_us);

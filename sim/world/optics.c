@@ -27,9 +27,9 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
     }
 }
 
-/* Computes the ideal point of a distorted point (xd, yd): solves the two equations of the
- * distortion by Newton's method. The iteration starts at the distorted point. It converges in two
- * or three steps if the lens does not fold the picture. */
+/* Computes the ideal point of a distorted point (xd, yd). The two equations of the distortion are
+ * solved by Newton's method, beginning at the distorted point. This takes two or three steps if the
+ * lens does not fold the picture. */
 static void undistort(const struct optics_camera *camera, double xd, double yd, double *ret_x,
                       double *ret_y) {
     double x = xd, y = yd, p1 = camera->p1, p2 = camera->p2;

@@ -2,8 +2,9 @@
 
 #include "samples/sample.h"
 
-/* Normal deviates are sums of two entries of a table. The table has quantiles of the normal
- * distribution, scaled so that the sums have the variance one. The sums reach 4.6 σ. */
+/* The table has quantiles of the normal distribution. A normal deviate is the sum of two entries of
+ * the table. The quantiles are scaled so that these sums have the variance 1. The sums reach 4.6
+ * σ. */
 #define TABLE_BITS 11
 #define TABLE_SIZE (1 << TABLE_BITS)
 

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define REACH      4.5 /* standard deviations of the blur beyond which there is no light */
+#define REACH      4.5 /* there is no light beyond this number of standard deviations of the blur */
 #define MAX_ACROSS 16
 
 /* Returns the integral, from −∞ to x, of the distribution function of a Gaussian with standard
@@ -18,8 +18,8 @@ void spread_init(struct spread *spread, double blur_px) {
         double low = -reach, high = reach;
         for (int k = 0; k < 40; k++) {
             const double middle = (low + high) / 2;
-            /* The difference is the part of a pixel's light that comes from the left of
-             * `middle`. */
+            /* The difference is the part of a pixel's light that comes from the left of the
+             * position `middle`. */
             if (ramp(middle + 0.5, blur_px) - ramp(middle - 0.5, blur_px) <
                 (double)i / SPREAD_STEPS)
                 low = middle;

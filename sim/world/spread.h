@@ -1,8 +1,8 @@
 /*
- * This module chooses the sample positions of a pixel. The density of the positions is the square
- * area of the pixel, convolved with the blur of the lens. The positions are evenly spread
- * (stratified). Each pixel of each view has different positions. With a few independent random
- * positions per pixel, an edge would appear as noisy as in a camera with a few electrons per pixel.
+ * Chooses the positions at which a pixel is sampled. Their density is the square area of the pixel,
+ * convolved with the blur of the lens. The positions are spread evenly (stratified), and are
+ * different in each pixel of each view. If a few independent random positions were used, an edge
+ * would be as noisy as in a camera with a few electrons per pixel.
  *
  * Any thread may call the functions.
  */
@@ -12,8 +12,7 @@
 
 #define SPREAD_STEPS 512
 
-/* quantiles, in px, of the horizontal profile of a pixel that is convolved with the blur of the
- * lens */
+/* Quantiles, in px, of the horizontal profile of a pixel, convolved with the blur of the lens. */
 struct spread {
     double at_px[SPREAD_STEPS + 1];
 };
@@ -22,8 +21,8 @@ struct spread {
 void spread_init(struct spread *spread, double blur_px);
 
 /* Sets ret_xy_px to across² positions: x and y of each position, relative to the pixel's centre.
- * Each cell of a grid of across × across cells has one position. Each of across² columns and each
- * of across² rows of the pixel also has one position (Kensler 2013, correlated multi-jittering).
- * across is at most 16. */
+ * across is at most 16. Each cell of a grid of across × across cells has one position. If the pixel
+ * is cut into across² columns, each of them also has one position, and so have across² rows
+ * (correlated multi-jittering; Kensler 2013). */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* Number of fine samples per texel, in x and in y, with which depth edges are found. */
+/* Number of samples per texel, in x and in y, with which depth edges are found. */
 #define FINE 4
 
 static void give(struct v3 v, double ret[3]) {
@@ -38,7 +38,7 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Finds the point of the picture with the viewing ray through point_mm, by Newton's method. The
+/* Finds the point of the picture whose viewing ray goes through point_mm, by Newton's method. The
  * rendered pictures are made with the same viewing rays. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
@@ -132,13 +132,14 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
     give(at.axis, ret->axis);
 }
 
-/* A raster of points of the reference plane, with fine × fine points per texel. It also has the
- * surfaces that the viewing rays through one row of the raster meet. */
+/* A raster of points of the reference plane, fine × fine points per texel. The arrays are for one
+ * row of the raster: its points, the viewing rays through them, and the surfaces that these rays
+ * meet. */
 struct raster {
     World *world;
     const struct truth_grid *grid;
     struct v3 eye;
-    int fine, n; /* n is the number of points of a row */
+    int fine, n; /* `n`: number of points of a row */
     struct v3 *points, *rays;
     struct surface *surfaces;
     gboolean *hit;
@@ -175,8 +176,8 @@ static void raster_trace(struct raster *raster, int row) {
                 raster->surfaces, raster->hit);
 }
 
-/* Computes, for each ray of the raster, the distance along the ray from the reference plane to the
- * surface, in mm. The distance is −1 if the ray meets nothing. */
+/* Computes the distance along each ray of the raster from the reference plane to the surface, in
+ * mm. The distance is −1 if the ray meets nothing. */
 static void distances(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       int fine, float *ret) {
     struct raster raster;
@@ -195,8 +196,8 @@ static void distances(World *world, int camera, double turntable_deg, const stru
     raster_clear(&raster);
 }
 
-/* A step of the distance was found at the fine sample (i, j). Flags the texels with a centre that
- * is within one texel of this sample. */
+/* Called if the distance has a step at the fine sample (i, j). Marks the texels whose centre is
+ * within one texel of this sample. */
 static void flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
@@ -237,8 +238,8 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
             struct light_pose pose =
                 world_light_pose(world, world->laser_fixed[laser[k]], arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            /* Add one to the count of each point of the row that the laser can light at some sweep
-             * angle. */
+            /* If the laser can light a point of the row at some sweep angle, the count of this
+             * point increases by one. */
             guint8 *seen = ret_seen + row * grid->width;
             for (int first = 0; first < raster.n; first += SCENE_BATCH) {
                 int n_points = MIN(SCENE_BATCH, raster.n - first);
@@ -261,8 +262,9 @@ struct lamp_light {
     const float *bounce;
 };
 
-/* Adds the reflectance π L / E_⊥ of each ray of a row to the mean of its texel. L is the radiance,
- * and E_⊥ (facing) the irradiance at the texel's centre on a surface that faces the lamp. */
+/* Adds the reflectance π L / E_⊥ along each ray of a row to the mean of its texel. L is the
+ * radiance. E_⊥ is the irradiance at the texel's centre on a surface that faces the lamp
+ * (facing). */
 static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
                             const double *facing, float *rgb) {
     const float share = 1.0f / (float)(raster->fine * raster->fine);

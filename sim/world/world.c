@@ -2,14 +2,14 @@
 
 #include <string.h>
 
-/* While the turntable turns, one exposure is computed in at most MAX_POSES poses. The number of
- * poses is chosen so that the sample's edge moves by at most POSE_STEP_PX pixels between two poses,
- * if MAX_POSES poses are enough. */
+/* While the turntable turns, one exposure is computed in several poses of the turntable, at most
+ * MAX_POSES. If so many poses are enough, the sample's edge moves by at most POSE_STEP_PX pixels
+ * from one pose to the next. */
 #define MAX_POSES    32
 #define POSE_STEP_PX 0.125
 
 static GMutex registry_lock;
-static GHashTable *registry; /* maps a path to a World, without holding a reference */
+static GHashTable *registry; /* World by path; not a reference */
 
 static void free_world(World *world) {
     cache_free(world->cache);
@@ -115,8 +115,8 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) 
     world->turns[world->n_turns++ % WORLD_TURNS] = (struct turn){at_us, deg, deg_s};
 }
 
-/* Returns the position of the turntable at a time. For a time before the oldest turn that is kept,
- * the oldest turn is extended backwards. */
+/* Returns the position of the turntable at a time. If the time is before the oldest turn that is
+ * kept, the position is that of the oldest turn, extended backwards. */
 static double turntable_at(const World *world, gint64 at_us) {
     const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
     guint i = world->n_turns - 1;
@@ -192,8 +192,8 @@ void world_set_laser(World *world, int laser, gboolean on) {
     world->laser_on[laser] = on;
 }
 
-/* Returns the integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, in
- * seconds. */
+/* Returns the integral in seconds of the warm-up curve, from 0 to t ≤ w. The curve is 1 − (1 −
+ * start)(1 − t/w)², with w = warm_up_s. */
 static double warming(const World *world, double t) {
     double w = world->warm_up_s, rest = 1 - t / w;
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
@@ -239,7 +239,8 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
-            continue; /* a lit laser may share its place with a dark one */
+            /* a dark laser does not count, because a lit laser may be at the same place */
+            continue;
         ret->sweep_deg[place] = world->sweep_deg[i];
         ret->laser_on[place] = world->laser_on[i];
     }
@@ -247,8 +248,8 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
-/* Memory for the light of an exposure. A thread keeps the memory for its next exposure, because new
- * memory for each exposure would take a tenth of the time of a laser sweep. */
+/* Memory for the light of an exposure. A thread keeps it for its next exposure. To allocate it for
+ * each exposure would take a tenth of the time of a laser sweep. */
 struct light {
     gsize n;     /* number of pixels */
     float *rate; /* of all lamps and lasers */
@@ -274,8 +275,8 @@ static struct light *light_get(gsize n) {
     return light;
 }
 
-/* Adds the light of all lamps and lasers in one pose to light->rate, in DN·s⁻¹, multiplied by
- * share. */
+/* Adds the light of all lamps and lasers in one pose of the turntable to light->rate, in DN·s⁻¹,
+ * multiplied by share. */
 static void add_light(World *world, int camera, const struct world_state *state, float share,
                       struct light *light) {
     float *rate = light->rate;
@@ -304,7 +305,8 @@ static void add_light(World *world, int camera, const struct world_state *state,
     }
 }
 
-/* Returns the number of poses in which an exposure is computed: 1 if the turntable stood still. */
+/* Returns the number of poses of the turntable in which an exposure is computed. It is 1 if the
+ * turntable stood still. */
 static int world_n_poses(const World *world, int camera, const struct world_state *state) {
     const struct optics_camera *sensor = &world->cameras[camera];
     const float *low = world->scene.low, *high = world->scene.high;

@@ -2,12 +2,12 @@
 
 #define CELLS_PER_SCALE 3
 #define MAX_CELLS       2048 /* largest number of cells in one direction */
-#define REACH_SCALES    5 /* distance, in multiples of the scale, beyond which no light comes out */
-/* standard deviations of the laser's profile beyond which there is no light */
+#define REACH_SCALES    5 /* distance beyond which no light comes out, in multiples of scale_mm */
+/* There is no light beyond this number of standard deviations of the laser's profile. */
 #define REACH_SIGMA  4
 #define KERNEL_STEPS 64 /* steps of the kernel's table per scale */
 
-enum cached { /* must differ from the numbers in world_light.c and world_laser.c */
+enum cached { /* keys of the cache; must differ from those of world_light.c and world_laser.c */
               CACHED_BLEEDING_CELLS = 48,
               CACHED_BLEEDING,
 };
@@ -15,10 +15,11 @@ enum cached { /* must differ from the numbers in world_light.c and world_laser.c
 struct bleeding {
     int nx, ny;
     double pitch_mm, x_mm, y_mm; /* (x_mm, y_mm) is the middle of the first cell */
-    struct surface *cells;       /* ny × nx; cells without sample show the turntable */
-    int reach;                   /* reach of the kernel, in cells */
-    float per_step;              /* 1/mm */
-    /* The sum of the kernel over the cells of a level surface is 1. */
+    /* surface of each cell, ny × nx; it is the turntable where there is no sample */
+    struct surface *cells;
+    int reach;      /* reach of the kernel, in cells */
+    float per_step; /* steps of the kernel's table per mm */
+    /* Table of the kernel. Its sum over the cells of a level surface is 1. */
     float kernel[REACH_SCALES * KERNEL_STEPS + 2];
 };
 
@@ -154,8 +155,8 @@ static gpointer make_bleeding(const struct cache_key *key, gconstpointer data, g
     return spread;
 }
 
-/* Returns the irradiance that has spread to a place, interpolated linearly between the middles of
- * cells. */
+/* Returns the irradiance that has spread to a place. It is interpolated linearly between the
+ * middles of cells. */
 static float bleeding_at(const struct bleeding *bleeding, const float *spread, const float p[3]) {
     const double x = ((double)p[0] - bleeding->x_mm) / bleeding->pitch_mm;
     const double y = ((double)p[1] - bleeding->y_mm) / bleeding->pitch_mm;

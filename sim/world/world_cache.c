@@ -10,7 +10,7 @@ struct node {
     gsize bytes;
     int users;
     gboolean ready;
-    GList link; /* element of the queue `recent` if ready is TRUE */
+    GList link; /* element of the queue `recent`, but only if ready is TRUE */
 };
 
 struct Cache {
@@ -78,8 +78,8 @@ struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMa
         g_cond_broadcast(&cache->made);
     }
     g_queue_push_head_link(&cache->recent, &node->link);
-    /* Values that nobody uses are removed until the cache is small enough, the least recently used
-     * value first. */
+    /* Unused values are removed until the cache is small enough, beginning with the least recently
+     * used value. */
     GList *last = cache->recent.tail;
     while (last && cache->bytes > cache->limit) {
         GList *before = last->prev;

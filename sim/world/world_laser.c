@@ -1,27 +1,27 @@
 #include "world_private.h"
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-#define REACH    4 /* standard deviations of the profile beyond which there is no light */
+#define REACH    4 /* there is no light beyond this number of standard deviations of the profile */
 
-enum cached { /* must differ from the numbers in world_light.c */
+enum cached { /* keys of the cache; must differ from those of world_light.c */
               CACHED_LASER_VERTICES = 32,
               CACHED_LASER_LIST,
 };
 
-/* A contribution of the laser's light to a pixel. At a sweep angle, the contribution is amplitude ·
- * exp(−x²/2), with x = (sweep − angle)/σ. */
+/* A contribution of a laser's light to a pixel. At the angle `sweep`, it is amplitude · exp(−x²/2),
+ * with x = (sweep − angle)/σ. σ is the standard deviation of the profile. */
 struct share {
-    float angle; /* in σ of the profile, relative to the list's first angle */
+    float angle; /* in units of σ, relative to `first` of the list */
     float amplitude;
     guint32 pixel;
 };
 
-/* Shares, sorted into cells by their angles. A cell is one σ wide. */
+/* Contributions, sorted by their angles into cells that are one σ wide. */
 struct laser_list {
     double first; /* first angle, rad */
     guint n_cells;
-    const guint32 *starts; /* index of the first share of each cell, n_cells + 1 elements, stored
-                              after the shares */
+    /* n_cells + 1 indices of the first contribution of each cell, stored after `shares` */
+    const guint32 *starts;
     struct share shares[];
 };
 
@@ -65,7 +65,7 @@ struct laser_light { /* the input of a list */
     struct optics_laser laser;
     struct v3 eye_mm;
     const struct lit_vertex *vertices;
-    GArray *shares; /* of struct share; the angles are in rad until they are sorted */
+    GArray *shares; /* of struct share; the angles are in rad before they are sorted */
 };
 
 static void add_share(struct laser_light *light, double angle, double amplitude, guint32 pixel) {
@@ -74,8 +74,8 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
         g_array_append_val(light->shares, share);
 }
 
-/* Adds light after one bounce. This light is smooth, so it is computed only once for each pixel, at
- * the vertex that is nearest to the pixel's first sample. */
+/* Adds the laser's light after one bounce. This light is smooth, so it is computed only once for
+ * each pixel: at the vertex that is nearest to the pixel's first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;
@@ -108,8 +108,8 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts shares into cells of one σ. The order within a cell is kept, so that rounding errors of
- * sums are always the same. */
+/* Sorts contributions into cells of one σ. Their order within a cell is kept, so that sums always
+ * have the same rounding errors. */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;
     double first = 0, last = 0;
@@ -139,8 +139,8 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
     return list;
 }
 
-/* Returns the view of a camera (world_view()) in the light of a laser. All pixels are magnified for
- * the colour of the laser. */
+/* Returns the view of a camera (world_view()) in the light of a laser. For all pixels, the
+ * magnification is that of the laser's colour. */
 static struct cache_entry *laser_view(const struct laser_job *job) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     const double magnification =
@@ -194,8 +194,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
     return sort_shares(shares, light.laser.sigma, ret_bytes);
 }
 
-/* The profile exp(−x²/2) comes from a table over x² with linear interpolation. The errors are below
- * 2e-5. */
+/* The profile exp(−x²/2) is interpolated linearly in a table over x². The errors are below 2e-5. */
 #define PROFILE_STEPS 64
 static float profile_table[REACH * REACH * PROFILE_STEPS + 2];
 

@@ -41,9 +41,9 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* Returns a vector tilted like the turntable's axis. The bearing tilts the axis by the angle wobble
- * towards the azimuth wobble_per_turn·turntable_rad. If sign is 1, the vector is tilted. If sign is
- * −1, it is tilted back. If sign is 0, it is not tilted. */
+/* Tilts a vector as the bearing tilts the turntable's axis: by the angle `wobble`, towards the
+ * azimuth wobble_per_turn·turntable_rad. If sign is 1, returns the tilted vector. If sign is −1,
+ * tilts the vector back. If sign is 0, returns it unchanged. */
 static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
@@ -56,10 +56,9 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
     return lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
 }
 
-/* Converts a vector or point to the frame of the pose, from the frame of the arc, or for a fixed
- * light from the rig frame. If neither the axis of the arc nor the axis of the turntable deviates,
- * the vector is only turned by the angle between arc and turntable. The result is then
- * bit-identical to the result for an ideal arc. */
+/* Converts a vector or point to the frame of the pose. v is in the frame of the arc, or for a fixed
+ * light in the rig frame. If the axes of arc and turntable have no errors, v is only turned by the
+ * angle between arc and turntable. The result is then bit-identical to that for an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
@@ -122,15 +121,16 @@ struct view_job {
     int camera;
     struct optics_camera at; /* the camera in its present pose */
     double arm_deg, turntable_deg;
-    double magnification; /* 0: each pixel has the magnification of the colour of its filter */
+    /* of the light; 0: each pixel has the magnification of its filter's colour */
+    double magnification;
     const struct spread *spread;
-    /* The arrays rays, surfaces and hit are for one row of the picture. */
+    /* rays, surfaces and hit are for one row of the picture. */
     struct v3 *rays;
     struct surface *surfaces;
     gboolean *hit;
 };
 
-/* Returns the viewing ray through a point of the picture for light of a colour, in the sample
+/* Returns the viewing ray through a point of the picture, for light of a colour, in the sample
  * frame. */
 static struct v3 view_ray(const struct view_job *job, enum cfa_colour colour, double x_px,
                           double y_px) {
@@ -151,8 +151,9 @@ static void add_point(GArray *points, const struct surface *surface, enum cfa_co
     g_array_append_val(points, point);
 }
 
-/* Adds the points of a pixel to points. *ret_weight is the weight of each point (struct view). A
- * pixel that shows only the turntable has no detail, so one point is enough. */
+/* Adds the points of a pixel to points. Sets *ret_weight to the weight of each point (struct view).
+ * One point is enough for a pixel that shows only the turntable, because the turntable has no
+ * detail. */
 static void add_pixel(const struct view_job *job, int x, int y, GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
@@ -321,8 +322,8 @@ struct picture_job {
     struct light_pose pose;
 };
 
-/* Makes the picture of world_lamp_picture(). Each pixel is the sum of the direct light and the
- * light after one bounce at the points of the pixel. */
+/* Makes the picture of world_lamp_picture(). A pixel is the sum over its points of the direct light
+ * and of the light after one bounce. */
 static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;

@@ -5,8 +5,9 @@
 
 #include <string.h>
 
-#define RAD(deg)   ((deg) * (G_PI / 180))
-#define BEND_AT_MM 36.0 /* distance from the line's middle at which sheet_bend_mm is measured */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* distance in mm from the middle of the laser's line at which sheet_bend_mm is given */
+#define BEND_AT_MM 36.0
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
@@ -241,9 +242,8 @@ static const struct option laser_table[] = {
 };
 #undef AT
 
-/* Returns the random number generator of a device. The random numbers depend on the world's seed,
- * on a letter for the class of the device, and on the number of the device among the devices of its
- * class in the file. */
+/* Returns the random number generator of a device. It depends on the world's seed, on a letter for
+ * the class of the device, and on the number of the device among those of its class in the file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
     guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
@@ -308,9 +308,9 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Returns the direction from the origin to a device at a polar angle and an azimuth. The azimuth of
- * a device on the arc is 0. *ret_up is the unit vector upwards along the arc. *ret_across is the
- * unit vector across the arc. */
+/* Returns the direction from the origin to a device at a polar angle and an azimuth. For a device
+ * on the arc, the azimuth is 0. Sets *ret_up to the unit vector upwards along the arc, and
+ * *ret_across to the unit vector across the arc. */
 static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
                         struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
@@ -410,9 +410,8 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* Loads the sample, and adds the marks of the world file to the sample's mesh. Then builds the
- * scene, unless there are mistakes. A missing [sample] is a mistake only if all_sections is
- * TRUE. */
+/* Loads the sample, and adds the marks of the world file to its mesh. Then builds the scene, if
+ * there are no mistakes. If all_sections is TRUE, a missing [sample] is a mistake. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -444,9 +443,9 @@ static void load_sample(World *world, const struct world_options *all, const Con
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
                                Mistakes *);
 
-/* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Adds a mistake
- * if the section has no name, or if it is one too many. If a world file cannot have such a section,
- * adds a mistake and returns FALSE. Otherwise returns TRUE. */
+/* Loads a camera, lamp or laser. Adds a mistake if the section has no name, or if there are too
+ * many sections of its class. For the other sections of world files, does nothing. Returns TRUE in
+ * all these cases. If a world file cannot have such a section, adds a mistake and returns FALSE. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {
@@ -501,9 +500,10 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* Returns the axis of the arm or probe, with random deviations from the nominal axis. The standard
- * deviations are zero_deg for the zero, tilt_deg for the tilt in each of two directions, and off_mm
- * for the offset in x, y and z. letter is the class_letter of device_random(). */
+/* Returns the axis of the arm or probe, with random deviations from the nominal axis. The
+ * deviations have three standard deviations: zero_deg for the zero, tilt_deg for the tilt in each
+ * of two directions, and off_mm for the offset in each of x, y and z. letter is the class_letter of
+ * device_random(). */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

@@ -1,7 +1,7 @@
 #include "world_private.h"
 
 /* Packs a unit vector as a point of the octahedron |x| + |y| + |z| = 1. The lower half of the
- * octahedron is folded out around its upper half. */
+ * octahedron is folded outwards, so that it surrounds the upper half. */
 static void pack_direction(const float d[3], gint16 ret[2]) {
     float size = fabsf(d[0]) + fabsf(d[1]) + fabsf(d[2]), x = d[0] / size, y = d[1] / size;
     if (d[2] < 0) {
@@ -34,7 +34,7 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
         .p = {from->p[0], from->p[1], from->p[2]},
         .albedo = pack_share(from->albedo[colour]),
         .gloss = pack_share(from->gloss),
-        /* The widths of the gloss lobe are divisors, so they must not be rounded to 0. */
+        /* The roughness of the gloss is a divisor, so it must not be rounded to 0. */
         .along = MAX(pack_share(from->along), 1),
         .across = MAX(pack_share(from->across), 1),
         .u = pack_share(from->u),

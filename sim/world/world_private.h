@@ -13,23 +13,21 @@
 
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
-    /* on_us is the time at which the lamp was last switched on, and off_us the time at which it was
-     * last switched off */
+    /* `on_us`: time at which the lamp was last switched on. `off_us`: time at which it was last
+     * switched off. */
     gint64 on_us, off_us;
 };
 
 #define WORLD_TURNS 128
 
-/* A struct turn describes the motion of the turntable from the time from_us on, until the next
- * struct turn. */
+/* The motion of the turntable from the time from_us on, until the next struct turn. */
 struct turn {
     gint64 from_us;
     double deg, deg_s;
 };
 
-/* A scene is the sample's surface for light transport. The vertices of the surface are the surfels
- * of interreflection. Each vertex has a list of the vertices that are seen along cosine-weighted
- * rays from this vertex. */
+/* The sample's surface for light transport. Interreflection is computed between the vertices of the
+ * surface. Each vertex has a list of the vertices that it sees along cosine-weighted rays. */
 struct scene {
     RTCDevice device;
     RTCScene scene;
@@ -37,8 +35,9 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    /* For each vertex, n_gather elements, one for each ray: the vertex that is nearest to the point
-     * that the ray hits, or NO_TRIANGLE if the ray hits no front side. */
+    /* For each vertex, n_gather elements, one for each ray from this vertex. An element is the
+     * vertex nearest to the point that the ray hits. It is NO_TRIANGLE if the ray hits no front
+     * side. */
     guint32 *gather;
     float low[3], high[3];
     float table_albedo, table_radius_mm;
@@ -77,52 +76,52 @@ struct World {
     double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
-    /* place at which each laser is mounted: the index of the laser that the file puts there */
+    /* place at which each laser is mounted: the index of the laser that the file puts at this
+     * place */
     int laser_place[WORLD_MAX_LASERS];
 };
 
 /* world_load.c: fills a zeroed world from its file. Returns FALSE with an error if the file is
- * wrong; the world may then be partly filled. */
+ * wrong. The world may then be partly filled. */
 gboolean world_load(World *world, const char *path, GError **error);
 
 /* world_scene.c */
-struct surface { /* point at which a ray meets the sample or the turntable; sample frame, mm */
+struct surface { /* point of the sample or the turntable that a ray meets; sample frame, mm */
     float p[3], n[3], t[3], ng[3]; /* normals face the viewer */
     float albedo[3], gloss, along, across;
     guint32 triangle; /* NO_TRIANGLE for the turntable */
     float u, v;
 };
 
-/* Builds a scene from a mesh. The caller must set n_gather, table_albedo and table_radius_mm
- * before. */
+/* Builds a scene from a mesh. The caller must already have set n_gather, table_albedo and
+ * table_radius_mm. */
 void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
-/* Finds the first surface along each of n rays (unit vectors). ret_hit is FALSE for a ray that
- * meets no surface. eye_mm, starts_mm and directions are in the sample frame. If starts_mm is NULL,
- * all rays start at the eye. */
+/* Finds the first surface along each of n rays. directions are unit vectors. All positions and
+ * directions are in the sample frame. If starts_mm is NULL, all rays start at eye_mm. ret_hit[i] is
+ * FALSE if ray i meets no surface. */
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
 
-/* Finds whether surface points see a light. ret_blocked[i] is TRUE if point i does not see the
- * light, because the sample hides the light or because the light is behind the surface. n is at
- * most SCENE_BATCH. */
+/* Finds which surface points see a light. ret_blocked[i] is TRUE if point i does not see the light.
+ * The sample then hides the light, or the light is behind the surface. n is at most SCENE_BATCH. */
 #define SCENE_BATCH 256
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
 
-/* Fills ret with at most SCENE_BATCH vertices of the scene, from first on. ret_blocked says for
- * each vertex whether a light is hidden from it. The albedo in ret is such that scene_reflect()
- * returns n·l for green. Returns the number of vertices. */
+/* Sets ret to at most SCENE_BATCH vertices of the scene, from first on, and returns their number.
+ * ret_blocked says for each vertex whether a light is hidden from it. In ret, the albedo is chosen
+ * so that scene_reflect() returns n·l for green. */
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
-/* Returns the corner of a triangle that is nearest to a point with these barycentric coordinates.
- */
+/* Returns the corner of a triangle that is nearest to the point with the barycentric coordinates
+ * (u, v). */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
-/* Returns n·l·(diffuse + gloss) for light from a point, seen from the eye. The radiance is this
- * factor times the irradiance E_⊥ on a surface that faces the light. */
+/* Returns n·l·(diffuse + gloss) for light from light_mm, seen from eye_mm. To get the radiance,
+ * multiply by the irradiance E_⊥ on a surface that faces the light. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
@@ -135,25 +134,24 @@ static inline guint64 world_bits(double value) {
     return word;
 }
 
-/* Returns the angle between arc and turntable, rounded so that angles that differ by full turns or
- * by less than 1e-9 degrees give the same picture. */
+/* Returns the angle between arc and turntable. It is rounded, so that angles give the same picture
+ * if they differ by full turns or by less than 1e-9 degrees. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* Returns the part of a cache's key for the position of the arm or probe that carries a device, or
- * 0 if the device is not carried. */
+/* Returns the part of a cache's key that stands for the position of the arm or probe. It is 0 if
+ * the device is not carried by the arm or probe. */
 guint64 world_carried_bits(gboolean carried, double deg);
 
-/* The pose of a light, seen from the sample. Results for a light on the arc depend only on the
- * angle between arc and turntable, unless the axis of the arc differs from the axis of the
- * turntable or the turntable wobbles. Results for a fixed light depend only on the angle of the
- * turntable. */
+/* The pose of a light, seen from the sample. Results for a fixed light depend only on the angle of
+ * the turntable. Results for a light on the arc depend only on the angle between arc and turntable,
+ * if their axes are the same and the turntable does not wobble. */
 struct light_pose {
     double relative_rad;  /* world_relative_rad() */
     double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if the probe carries the lamp, otherwise 0 */
-    /* TRUE if the frame of the pose does not tilt with the turntable. With the turntable at 0, this
-     * frame is then the rig frame. */
+    /* TRUE if the frame of the pose does not tilt with the turntable. When the turntable is at 0°,
+     * this frame is the rig frame. */
     gboolean upright;
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
@@ -171,9 +169,10 @@ struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
 /* Converts from the sample frame, with the turntable at an angle, to the rig frame. */
 struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p);
 
-/* A surface point that a part of a pixel's area shows. Points are packed, because a view has
- * several points per pixel, and a session has many views. Directions are folded octahedra, and
- * numbers from 0 to 1 are integers. The rounding errors are far below a sensor's noise. */
+/* A point of the surface that a pixel shows. Points are packed, because a view has several points
+ * per pixel, and a session has many views. Directions are points of a folded octahedron
+ * (world_point.c), and numbers from 0 to 1 are integers. The rounding errors are far below a
+ * sensor's noise. */
 struct point {
     float p[3];
     gint16 n[2], t[2], ng[2];
@@ -183,31 +182,31 @@ struct point {
 };
 
 /* The surface points that a camera sees at given angles of arm and turntable. A pixel that shows
- * neither sample nor turntable has no points. A pixel that shows only the turntable has a single
+ * neither sample nor turntable has no points. A pixel that shows only the turntable has one
  * point. */
 struct view {
     struct v3 eye_mm;
-    /* For each pixel, the weight of each of the pixel's points, in DN·s⁻¹ per W·sr⁻¹·m⁻². The
-     * weight includes the share of the pixel's area that a point has. */
+    /* For each pixel, the weight of each of its points, in DN·s⁻¹ per W·sr⁻¹·m⁻². The weight
+     * includes the share of the pixel's area that the point represents. */
     const float *weights;
     guint n;
     struct point points[];
 };
 
-/* Returns the view of a camera (struct view). magnification is the magnification of the light
- * relative to green light. If it is 0, the light is white, and each pixel is magnified for the
- * colour of its filter. */
+/* Returns the view of a camera (struct view). magnification is that of the light, relative to green
+ * light. If it is 0, the light is white, and each pixel has the magnification of its filter's
+ * colour. */
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 
 /* world_point.c: packs a surface into a point, and unpacks it. A point has only the albedo for the
- * pixel's colour. Unpacking uses this albedo for all three colours. */
+ * pixel's colour. After unpacking, all three colours have this albedo. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);
 
-/* Fills ret with at most SCENE_BATCH points of a view, from first on. ret_blocked says for each
- * point whether a light is hidden from it. Returns the number of points. */
+/* Sets ret to at most SCENE_BATCH points of a view, from first on, and returns their number.
+ * ret_blocked says for each point whether a light is hidden from it. */
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
@@ -218,11 +217,10 @@ static inline enum cfa_colour world_pixel_colour(const struct optics_camera *cam
     return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
 }
 
-/* Returns the irradiance at each vertex, as R G B, from the light of a lamp at full output after
- * one bounce. */
+/* Returns the irradiance at each vertex after one bounce, as R G B, for a lamp at full output. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
-/* Returns the interreflected light at a point of a triangle, interpolated from its vertices. */
+/* Returns the light after one bounce at a point of a triangle, interpolated between its corners. */
 float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
                       enum cfa_colour colour);
 
@@ -234,14 +232,15 @@ struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
 void world_add_laser(World *world, int camera, int laser, const struct world_state *state,
                      float *rate);
 
-/* world_speckle.c: adds speckle to the light of one laser, a whole picture in DN·s⁻¹. */
+/* world_speckle.c: adds speckle to a picture of the light of one laser, in DN·s⁻¹. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate);
 
 /* world_bleeding.c: laser light that enters the sample and comes out elsewhere. The upper side of
  * the sample, seen from above, is cut into the cells of a grid. A share of the light on a cell
- * spreads to other cells with exp(−r/scale), where r is the distance in space. Surfaces that are
- * hidden from above, such as the lower side of a thread, and the turntable take no part. */
+ * spreads to other cells, in proportion to exp(−r/scale). r is the distance in space. The turntable
+ * takes no part. Surfaces that are hidden from above, such as the lower side of a thread, take no
+ * part either. */
 struct bleeding;
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm);
 void bleeding_free(struct bleeding *bleeding); /* NULL is ignored */

@@ -3,7 +3,7 @@
 #define MIN_GRAIN_PX 0.5
 #define MAX_REACH_PX 32
 
-/* Returns a random number of variance 1 for a key, as a sum of four uniform numbers. */
+/* Returns a random number with variance 1 for a key. It is a sum of four uniform numbers. */
 static float white(guint64 key) {
     const guint64 bits = sample_hash(key);
     float sum = -2 * (float)G_MAXUINT16;
@@ -12,7 +12,7 @@ static float white(guint64 key) {
     return sum * (1.7320508f / (float)G_MAXUINT16);
 }
 
-/* Convolves a line of n values, which are step apart in memory, with a kernel. */
+/* Convolves n values with a kernel. The values are step elements apart in memory. */
 static void speckle_smooth(const float *from, int n, gsize step, const float *kernel, int reach,
                            float *ret) {
     for (int i = 0; i < n; i++) {
@@ -23,10 +23,10 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
     }
 }
 
-/* The intensity of speckle with contrast C has a gamma distribution with M = 1/C² degrees of
- * freedom (Goodman 2007). The intensity is computed as the cube of a normal deviate (Wilson &
- * Hilferty 1931). The deviates are correlated over the blur of the lens, so that the grain is as
- * large as the blur. */
+/* Speckle with contrast C has an intensity with a gamma distribution of M = 1/C² degrees of freedom
+ * (Goodman 2007). Such an intensity is nearly the cube of a normal deviate (Wilson & Hilferty
+ * 1931), and is computed in this way. The deviates are correlated over the blur of the lens, so
+ * that the grain is as large as the blur. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];

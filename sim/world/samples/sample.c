@@ -170,8 +170,8 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Adds a wall from n vertices down to z = 0. The vertices are first, first + step, first + 2 step
- * and so on. The wall gets copies of these vertices, with the normal (nx, ny, 0). */
+/* Adds a wall from an edge down to z = 0. The edge has the n vertices first, first + step, first +
+ * 2 step and so on. The wall gets copies of these vertices, with the normal (nx, ny, 0). */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};
@@ -189,8 +189,8 @@ static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, 
     }
 }
 
-/* Gets memory for this number of further elements. Without this function, a growing array is copied
- * again and again. */
+/* Allocates memory for this number of further elements at once. Otherwise a growing array would be
+ * copied again and again. */
 static void reserve(GArray *array, guint more) {
     const guint n = array->len;
     g_array_set_size(array, n + more);
@@ -275,8 +275,8 @@ static gboolean check_options(const struct config_section *section,
     return good;
 }
 
-/* Checks that a mesh lies between z = 0 and top_mm. Nothing else notices a mesh outside of these
- * bounds, and the data would be wrong. */
+/* Checks that a mesh lies between z = 0 and top_mm. This is the only such check. With a mesh
+ * outside of these bounds, the data would be wrong. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {

@@ -10,14 +10,14 @@
 
 #include <png.h>
 
-/* A vertex has a material: a diffuse albedo, and a layer of gloss (Ward's anisotropic lobe in the
- * bounded form). `gloss` is the albedo of this layer. `along` is its roughness in the direction of
- * the tangent t, and `across` its roughness perpendicular to t. */
+/* A vertex with its material: a diffuse albedo, and a layer of gloss (Ward's anisotropic lobe in
+ * the bounded form). `gloss` is the albedo of this layer. `along` and `across` are its roughness in
+ * the direction of the tangent t, and perpendicular to t. */
 struct vertex {
     float p[3], n[3], t[3];
     float albedo[3];
     float gloss, along, across;
-    float spare; /* padding, because the ray tracer may read a little beyond a position */
+    float spare; /* padding, because the ray tracer may read a little beyond p of the last vertex */
 };
 
 struct mesh {
@@ -49,7 +49,7 @@ struct sample_options {
     double width_mm, height_mm; /* along x and y */
     double base_mm, relief_mm, top_mm, period_mm;
     int grid;
-    int repeats; /* number of equal pieces in x and in y; 1 for kinds that have only one piece */
+    int repeats; /* number of equal pieces in x and in y; 1 for kinds that cannot be divided */
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1 for the value of the kind */
     gboolean smooth;
@@ -62,9 +62,9 @@ struct sample_options {
 
 extern const struct option sample_option_table[];
 
-/* Makes or loads the sample of a section. Returns NULL if there are mistakes. Each mistake names
- * the file and line of the section, or the file that could not be loaded and the place in this
- * file. */
+/* Makes or loads the sample of a section. Returns NULL if there are mistakes. A mistake names the
+ * file and line of the section. If a file could not be loaded, it names this file and the place in
+ * it. */
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
                         Mistakes *mistakes);
 void sample_free(struct mesh *mesh); /* NULL is ignored */
@@ -75,32 +75,32 @@ guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
 /* Adds two triangles. The corners are counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
-/* Adds the quads that join n + 1 rings of vertices, each ring to the next. A ring has `around`
- * vertices. The vertices of all rings have consecutive indices, ring by ring, from the index
- * `first` on. The outward normal is (direction around a ring) × (direction from ring to ring), or
- * the opposite of this if flip is TRUE. */
+/* Adds the quads between n + 1 rings of vertices, each ring with the next. A ring has `around`
+ * vertices. The vertices have consecutive indices, ring by ring, beginning with `first`. If flip is
+ * FALSE, the outward normal is (direction around a ring) × (direction from ring to ring). If flip
+ * is TRUE, it is the opposite. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
-/* Returns the number of periods that fits a length best. The number is a multiple of unit, and at
- * least unit. */
+/* Returns the number of periods with which length_mm is divided into periods closest to period_mm.
+ * The number is a multiple of unit, and at least unit. */
 int sample_count(double length_mm, double period_mm, int unit);
 /* Computes the normals of the vertices from first_vertex on. A normal is the mean of the normals of
- * the triangles from first_triangle on that meet at the vertex, weighted by their areas. */
+ * the triangles at the vertex, weighted by their areas. Only triangles from first_triangle on
+ * count. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 /* Sets `to` to the R, G and B of an option. One given value is used for all three. If no value is
  * given, `to` becomes r, g, b. */
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
 /* Sets the gloss of a vertex from the options. gloss, along and across are the values of the kind
- * of sample. They are used where the options have a gloss below 0 or a roughness that is not above
- * 0. */
+ * of sample. Such a value is used if the option of this name is not set: a gloss below 0, or a
+ * roughness that is 0 or less. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
-/* Sets an error that says that libpng cannot read the picture at path. Frees image. Always returns
- * FALSE. */
+/* Sets the error that libpng cannot read the picture at path. Frees image. Always returns FALSE. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
-/* Adds a surface z(x, y) on a grid of nx × ny cells over the size in the options, with walls down
- * to the turntable. The function `relief` is called for each vertex of the grid. It gets a vertex
- * whose p[0] and p[1] are set, and sets p[2], the albedo and the gloss. */
+/* Adds a surface z(x, y) with walls down to the turntable. The surface has a grid of nx × ny cells
+ * over the size in the options. The function `relief` is called for each vertex of the grid, with
+ * p[0] and p[1] set. It sets p[2], the albedo and the gloss of the vertex. */
 typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);
@@ -138,7 +138,7 @@ static inline double sample_uniform(struct sample_random *random) { /* returns a
     return (double)(sample_hash(random->state) >> 11) * 0x1p-53;
 }
 
-/* Returns a deviate that is approximately normal, with variance 1, within ±6. */
+/* Returns an approximately normal deviate with variance 1. Its absolute value is at most 6. */
 static inline double sample_deviate(struct sample_random *random) {
     double sum = -6;
     for (int i = 0; i < 12; i++)

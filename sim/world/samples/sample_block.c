@@ -8,7 +8,7 @@
 
 #define GAP   0.07 /* half the width of a gap, as a share of the period */
 #define BEVEL 0.05 /* width of the bevel, as a share of the period */
-#define CUTS  5    /* a face has CUTS² cells, because bounced light is computed at vertices */
+#define CUTS  5    /* a face has CUTS² cells, because bounced light is only computed at vertices */
 
 /* Adds a flat face. The corners are counter-clockwise seen from outside. */
 static void add_face(struct mesh *mesh, const double corners[4][3], const struct vertex *like) {
@@ -34,13 +34,13 @@ static void add_face(struct mesh *mesh, const double corners[4][3], const struct
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* Adds a block. middle is the middle of the block in x and y. half is half the distance between
- * opposite walls in x and y. z[0] is the height of the floor, and z[1] the height of the top. */
+/* Adds a block. middle is its middle in x and y. half is half its width in x and y. z[0] is the
+ * height of the floor, and z[1] the height of the top. */
 static void add_block(struct mesh *mesh, const double middle[2], const double half[2],
                       const double z[2], double bevel, const struct vertex *like) {
     static const int sides[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    /* three rings of corners, counter-clockwise: foot of the walls, upper edge of the walls, edge
-     * of the top */
+    /* Three rings of corners, each counter-clockwise: the foot of the walls, the upper edge of the
+     * walls, and the edge of the top. */
     double ring[3][4][3];
     for (int c = 0; c < 4; c++)
         for (int r = 0; r < 3; r++) {

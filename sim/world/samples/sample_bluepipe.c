@@ -3,14 +3,14 @@
 #include <math.h>
 
 /* The sample has pipes in two layers on a dark floor. The lower pipes lie along x, and the upper
- * pipes lie along y. The pipes of a layer are one period apart. They have sleeves where two lengths
- * of pipe meet. The pipes are hollow, and their ends lie on the sample's edge. Light and views pass
- * between and below the upper pipes. */
+ * pipes lie along y. The pipes of a layer are one period apart. Where two lengths of pipe meet,
+ * there is a sleeve. The pipes are hollow, and end at the sample's edge. Light and lines of sight
+ * pass between and below the upper pipes. */
 
 #define AROUND     28
-#define PIPE       0.84 /* radius of a pipe, as a part of the radius of its sleeves */
-#define RADIUS     0.36 /* radius of a sleeve, as a part of the period */
-#define PER_SLEEVE 24   /* rings of vertices from one sleeve to the next */
+#define PIPE       0.84 /* radius of a pipe, as a share of the radius of its sleeves */
+#define RADIUS     0.36 /* radius of a sleeve, as a share of the period */
+#define PER_SLEEVE 24   /* number of rings of vertices from one sleeve to the next */
 
 struct pipe {
     const struct sample_options *options;
@@ -22,9 +22,9 @@ struct pipe {
     float albedo[3];
 };
 
-/* Returns the radius as a part of the sleeve's radius, for s from 0 to 1 along the pipe. The
- * profile has steps with round shoulders. *ret_sleeve is 1 on a sleeve, 0 beside it, and between 0
- * and 1 on a shoulder. */
+/* Returns the radius at s, as a share of the sleeve's radius. s is from 0 to 1 along the pipe. The
+ * profile has steps with round shoulders. Sets *ret_sleeve to 1 on a sleeve, to 0 beside it, and to
+ * a value between 0 and 1 on a shoulder. */
 static double pipe_profile(const struct pipe *pipe, double s, double *ret_sleeve) {
     double place = s * pipe->sleeves + pipe->phase;
     double off = fabs(place - floor(place) - 0.5);

@@ -22,7 +22,7 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
     return FALSE;
 }
 
-/* Reads a PNG picture. Colours of 8 bits are converted from sRGB to linear values. Values of 16
+/* Reads a PNG picture. Colours of 8 bits are converted from sRGB to linear values. All values of 16
  * bits are taken as linear. Heights of 8 bits are also taken as linear, because heights have no
  * gamma. */
 static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
@@ -60,8 +60,8 @@ static float pixel(const struct picture *picture, gint64 x, gint64 y, int channe
         ->values[(row * picture->width + column) * (gsize)picture->channels + (gsize)channel];
 }
 
-/* Returns the value of a channel, interpolated bilinearly. u runs from the left and v from the
- * bottom, both from 0 to 1. */
+/* Returns the value of a channel at (u, v), interpolated bilinearly. u is from 0 at the left to 1
+ * at the right. v is from 0 at the bottom to 1 at the top. */
 static double look_up(const struct picture *picture, double u, double v, int channel) {
     double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
     double fx = floor(x), fy = floor(y);
@@ -153,7 +153,7 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
 
 /* Reads a corner of a face, such as "7", "7/1" or "7//3". A negative number counts back from the
  * last vertex. Moves *text past the corner and the blanks after it. Returns FALSE with an error if
- * there is no corner, or if the vertex does not come before the face in the file. */
+ * there is no corner, or if the file does not define the vertex before the face. */
 static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);
@@ -225,8 +225,8 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         sample_free(obj.mesh);
         return NULL;
     }
-    /* The faces of a smooth mesh share vertices, which are in the order of the positions. The
-     * vertices are added at the end, because a face needs only the numbers of its vertices. */
+    /* The faces of a smooth mesh share vertices, one for each position and in the same order. A
+     * face needs only the numbers of its vertices, so the vertices are added at the end. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

@@ -26,8 +26,8 @@ static double bezier_slope(const double p[3], double s) {
     return 2 * (1 - s) * (p[1] - p[0]) + 2 * s * (p[2] - p[1]);
 }
 
-/* Computes a vertex of a ring. The plane of the ring is spanned by the direction to the side, which
- * is level, and the normal of the upper face. */
+/* Computes a vertex of a ring. The ring lies in the plane of two directions: the level direction to
+ * the side, and the normal of the upper face. */
 static void blade_vertex(const struct blade *blade, double s, double turn, struct vertex *to) {
     double c = cos(blade->azimuth), d = sin(blade->azimuth);
     double dx = bezier_slope(blade->x, s), dz = bezier_slope(blade->z, s);

@@ -8,52 +8,61 @@
  * other side and is shifted by half a period. Between the rings one sees the floor, and wires pass
  * above each other, so no height field describes the surface.
  *
- * Symbols: p is the distance of ring centres along a row (x). q is the distance of rows (y). R is
- * the radius of the centre circle of a ring. r is the radius of the wire. t is the tilt of a ring.
+ * Symbols:
+ * - p: distance of ring centres along a row (x)
+ * - q: distance of rows (y)
+ * - R: radius of the centre circle of a ring
+ * - r: radius of the wire
+ * - t: tilt of a ring
+ * - s: largest difference of a ring's tilt from t
+ *
  * All centres have the same height. The plane of a ring contains the direction of y and (cos t, 0,
  * ±sin t).
  *
  * Linked rings. The centres of two neighbours in adjacent rows are (p/2, q) apart. The planes of
- * these rings meet in a line along y. The disc of each ring cuts a chord of half length h₁ out of
- * this line, and the middles of the chords are q apart. The half length is h_k = √(R² − (k p / (4
- * cos t))²). The rings are linked exactly if each chord has one end within the other, which is 0 <
- * q < 2 h₁. The next ring of that row is (3p/2, q) away, and must not be linked: q > 2 h₃, or R <
- * 3p / (4 cos t).
+ * these rings meet in a line along y. The disc of each ring cuts a chord out of this line. The half
+ * length of the chord is h₁, with h_k = √(R² − (k p / (4 cos t))²). The middles of the two chords
+ * are q apart. The rings are linked exactly if each chord has one end within the other chord, that
+ * is, if 0 < q < 2 h₁. The next ring of the adjacent row is (3p/2, q) away. It must not be linked,
+ * so q > 2 h₃, or R < 3p / (4 cos t).
  *
  * Clearance between the wires. The distance of a point from a circle is √(n² + (ρ − R)²). n is the
  * height of the point above the plane of the circle, and ρ is its distance from the axis of the
  * circle. d(x, y) is the minimum of this distance over N points of the other circle, minus π R / N.
- * Between two of the points, the distance is smaller than at the points by at most π R / N.
- * Therefore any two centre circles are farther apart than
- *     D = min(p sin t, 2 (q − R), d(p/2, q), d(3p/2, q)),
+ * The subtraction is necessary, because between two of the points the distance may be smaller by at
+ * most π R / N. Therefore any two centre circles are farther apart than
+ *     D = min(p sin t, 2 (q − R), d(p/2, q), d(3p/2, q)).
  * The four terms are for rings in the same row, for rings two rows apart, for linked rings, and for
- * rings in adjacent rows that are not linked. The tilt of each ring differs from t by at most s.
- * This difference moves a point by at most 2 R sin(s/2), so for all tilts
+ * rings in adjacent rows that are not linked.
+ *
+ * The difference s of the tilt moves a point of a ring by at most 2 R sin(s/2), so for all tilts
  *     clearance = D − 4 R sin(s/2) − 2 r > 0.
- * No ring passes through another on the way from t to its own tilt, so the rings stay linked. R is
- * chosen so that D is as large as possible. The wires take the share FILL of D − 4 R sin(s/2). The
- * tilt is the largest that fits between base_mm and relief_mm above it: R sin(t + s) + r ≤ relief /
- * 2. */
+ * No ring passes through another on the way from t to its own tilt, so the rings stay linked.
+ *
+ * R is chosen so that D is as large as possible. The wires take the share FILL of D − 4 R sin(s/2).
+ * The tilt is the largest that fits between base_mm and relief_mm above it: R sin(t + s) + r ≤
+ * relief / 2. */
 
 #define ALONG    40   /* number of sections of a ring */
 #define AROUND   12   /* number of vertices of a section */
 #define ROWS     1.45 /* p / q, before rows and rings are rounded to whole numbers */
 #define MAX_TILT (35 * (G_PI / 180))
 #define SWAY     0.025 /* s / t */
-#define FILL     0.9 /* share of D − 4 R sin(s/2) that the wires fill; the rest is the clearance */
-#define POINTS   360 /* N */
+/* share of D − 4 R sin(s/2) that the wires fill; what is left is the clearance */
+#define FILL   0.9
+#define POINTS 360 /* N */
 
 struct mail {
     const struct sample_options *options;
-    /* In one of the `repeats` equal pieces of the sample: n_x is the number of rings in a row, and
-     * n_y the number of rows, which is even. */
+    /* `n_x`: number of rings in a row. `n_y`: number of rows, which is even. Both are for one of
+     * the `repeats` equal pieces of the sample. */
     int n_x, n_y;
-    double p_mm, q_mm; /* p and q; p / q is between 0.96 and 2.18 for samples of all sizes */
+    double p_mm, q_mm; /* p and q; for samples of all sizes, p / q is from 0.96 to 2.18 */
     double ring_mm, wire_mm, tilt, sway; /* R, r, t and s */
 };
 
-/* Returns d(x, y): a lower bound of the distance between the centre circle of a ring of tilt t at
- * the origin and that of a ring of tilt −t at (x, y). */
+/* Returns d(x, y): a lower bound of the distance between two centre circles. One ring has the tilt
+ * t and its centre at the origin. The other ring has the tilt −t and its centre at (x, y). */
 static double distance(double ring, double tilt, double x, double y) {
     double c = cos(tilt), s = sin(tilt), least2 = G_MAXDOUBLE;
     for (int i = 0; i < POINTS; i++) {
@@ -73,7 +82,7 @@ static double half_chord(double ring, double from_centre) {
     return sqrt(MAX(0, ring * ring - from_centre * from_centre));
 }
 
-/* Returns D, or 0 if the rings would not be linked as they must be. */
+/* Returns D. Returns 0 if the wrong rings would be linked, or the right rings would not be. */
 static double least_distance(const struct mail *mail, double ring, double tilt) {
     const double p = mail->p_mm, q = mail->q_mm, line = p / (4 * cos(tilt));
     if (q >= 2 * half_chord(ring, line) || q <= 2 * half_chord(ring, 3 * line))
@@ -101,13 +110,14 @@ static gboolean fits(struct mail *mail, double tilt) {
            mail->ring_mm * sin(tilt + mail->sway) + mail->wire_mm <= mail->options->relief_mm / 2;
 }
 
-/* Sets the members of mail from the options. Returns FALSE if there is no room for rings. */
+/* Sets the members of mail from the options. Returns FALSE if the sample is too small for rings. */
 static gboolean shape_mail(struct mail *mail) {
     const struct sample_options *o = mail->options;
     const double width = o->width_mm / o->repeats, height = o->height_mm / o->repeats;
     mail->n_x = sample_count(width, o->period_mm, 1);
     mail->n_y = sample_count(height, width / mail->n_x / ROWS, 2);
-    /* If only two rows fit, the rows may be too close to each other for this p. */
+    /* If only two rows fit, the rows may be too close to each other for this p. p is then made
+     * smaller. */
     if (height / mail->n_y < 0.7 * width / mail->n_x / ROWS)
         mail->n_x = sample_count(width, height / mail->n_y * ROWS, 1);
     mail->p_mm = width / mail->n_x;

@@ -79,13 +79,14 @@ static void tray(struct vertex *vertex, gconstpointer data) {
         vertex->albedo[k] *= (float)(1 + 0.25 * grain);
 }
 
-/* A lobe is a ball. Where peanuts touch, each peanut is taken as two lobes. */
+/* A lobe of a peanut, taken as a ball. To find where peanuts touch, each peanut is taken as two
+ * lobes. */
 struct lobe {
     double x, y, z, r;
 };
 
 /* Returns the lowest z of the middle of a lobe at which the lobe lies above the tray and on the
- * lobes that are already there. Lobes may overlap a little. */
+ * earlier lobes. Lobes may overlap a little. */
 static double resting_height(const GArray *lobes, double base, const struct lobe *lobe) {
     double z = base + lobe->r;
     for (guint i = 0; i < lobes->len; i++) {
@@ -116,8 +117,8 @@ static void shape_peanut(const struct sample_options *o, struct sample_random *r
     to->seed = sample_hash(random->state);
 }
 
-/* Drops a peanut on the earlier peanuts: sets the height and tilt of the peanut, and appends its
- * lobes. Returns FALSE if the peanut would lie too high or too steeply. */
+/* Drops a peanut on the earlier peanuts. Sets its height and tilt, and appends its lobes. Returns
+ * FALSE if the peanut would lie too high or too steeply. */
 static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
     const struct sample_options *o = peanut->options;
     double arm = 0.27 * peanut->length_mm;

@@ -9,7 +9,7 @@
 
 /* The sample is a flat plate on which a picture is printed. Each pixel of the picture is a
  * rectangle, so the edges of the print are sharp from any distance. The plate may be rotated,
- * tilted and off the centre, like a plate that somebody has put down by hand. */
+ * tilted and off the centre, like a plate that was put down by hand. */
 
 struct plate {
     const struct sample_options *options;
@@ -23,8 +23,8 @@ static void turn(double v[3], int a, int b, double angle) {
     v[b] = s * x + c * y;
 }
 
-/* Turns an axis of the plate about the normal of the plate. Then tilts the axis with the plate, so
- * that the normal leans towards an azimuth. */
+/* Turns an axis of the plate about the normal of the plate. Then tilts the axis together with the
+ * plate. The normal then leans towards the azimuth tilt_towards_deg. */
 static void place_axis(const struct sample_options *o, double v[3]) {
     turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
     turn(v, 2, 0, RAD(o->tilt_deg));
@@ -62,8 +62,8 @@ static void add_cells(struct mesh *mesh, const struct plate *plate, const png_im
         }
 }
 
-/* Adds the four sides, which are dark. The plate has no face below, because no camera sees the
- * underside. */
+/* Adds the four sides, which are dark. The plate has no lower face, because no camera sees the
+ * plate from below. */
 static void add_sides(struct mesh *mesh, const struct plate *plate) {
     static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
     static const float dark[3] = {0.05f, 0.05f, 0.05f};
@@ -114,7 +114,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     place_axis(options, plate.across);
     place_axis(options, plate.along);
     place_axis(options, plate.up);
-    /* Place the plate so that its lowest corner touches the turntable. */
+    /* The plate is placed so that its lowest corner touches the turntable. */
     const double reach = fabs(plate.across[2]) * options->width_mm / 2 +
                          fabs(plate.along[2]) * options->height_mm / 2;
     for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)

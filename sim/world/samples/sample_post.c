@@ -24,7 +24,7 @@ void sample_add_post(struct mesh *mesh, double x_mm, double y_mm, double z_mm, d
     const double up[3] = {0, 0, 1}, middle[3] = {x_mm, y_mm, z_mm};
     guint32 face[CORNERS], high[CORNERS], low[CORNERS];
     guint32 centre = add_corner(mesh, middle, up, albedo);
-    /* The radius is chosen so that the polygon has the area of the circle. */
+    /* The polygon has the same area as the circle. */
     double step = 2 * G_PI / CORNERS, r = radius_mm * sqrt(step / sin(step));
     for (int i = 0; i < CORNERS; i++) {
         double out[3] = {cos(i * step), sin(i * step), 0};

@@ -7,7 +7,7 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Sets *ret_u and *ret_v to the position of a vertex, from 0 to 1, in its piece of the sample. o
+/* Sets *ret_u and *ret_v to the position of a vertex within its piece of the sample, from 0 to 1. o
  * has the size of a piece. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
@@ -26,8 +26,8 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
-/* The sample has scratches along x. The scratches are noise of three sizes. The noise is long in x
- * and short in y. A few scratches are deep. */
+/* The sample has scratches along x. They are noise of three sizes, which is long in x and short in
+ * y. A few scratches are deep. */
 static void brushed(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;
@@ -45,8 +45,9 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 
-/* Finds the brick of a running bond at a point. Returns a number of the brick that serves as a seed
- * of its random values. *ret_edge_mm is the distance of the point from the edge of the brick. */
+/* Finds the brick at a point of a wall in running bond. Returns a number of the brick, which is the
+ * seed of its random values. Sets *ret_edge_mm to the distance of the point from the edge of the
+ * brick. */
 static guint64 find_brick(const struct sample_options *o, double u, double v, double *ret_edge_mm) {
     int courses = 2 * (int)MAX(1, rint(o->height_mm / o->period_mm / 2));
     int bricks = (int)MAX(1, rint(o->width_mm / o->period_mm / 2));

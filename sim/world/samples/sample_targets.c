@@ -10,7 +10,7 @@
 #define BALL_ALONG  80
 
 struct place {
-    double x, y, size; /* size is the height of a post, or the radius of a ball */
+    double x, y, size; /* `size`: height of a post, or radius of a ball */
 };
 
 static void plate(struct vertex *vertex, gconstpointer data) {

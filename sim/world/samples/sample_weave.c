@@ -28,15 +28,15 @@ static double centre_height(const struct yarn *yarn, double s) {
     return yarn->middle_mm + yarn->swing_mm * side * cos(G_PI * phase);
 }
 
-/* Converts the coordinates (along, aside, up) of the yarn to x, y, z. */
+/* Converts the coordinates (along, aside, up) relative to a yarn to x, y, z. */
 static void place(const struct yarn *yarn, double along, double aside, double up, float to[3]) {
     to[0] = (float)(yarn->warp ? aside : along);
     to[1] = (float)(yarn->warp ? along : aside);
     to[2] = (float)up;
 }
 
-/* Computes a vertex of a yarn. Plies wind around the yarn. The grooves between the plies are deep
- * and dark. The fibres, which determine the direction of the gloss, follow the winding. */
+/* Computes a vertex of a yarn. Plies wind around the yarn, with deep and dark grooves between them.
+ * The fibres follow the winding. They give the direction of the gloss. */
 static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct vertex *to) {
     double slope = (centre_height(yarn, s + 1e-3) - centre_height(yarn, s - 1e-3)) / 2e-3;
     double stretch = sqrt(1 + slope * slope);
@@ -59,8 +59,8 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
 }
 
-/* Closes an end of the tube of a yarn with triangles around the centre of the end. ring is the
- * first vertex of the last ring of the tube at this end. */
+/* Closes one end of the tube of a yarn with triangles around the centre of this end. ring is the
+ * first vertex of the tube's ring at this end. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
@@ -109,8 +109,8 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
     int n_x = sample_count(o->width_mm, o->period_mm, 2),
         n_y = sample_count(o->height_mm, o->period_mm, 2);
     double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
-    /* Above and below the middle there is room for the amplitude and half the thickness of a
-     * yarn. */
+    /* The relief must contain the amplitude and half the thickness of a yarn, both above and below
+     * its middle. */
     double thick = o->relief_mm / 4.3;
     int n = warp ? n_x : n_y;
     for (int i = 0; i < n; i++) {
