@@ -37,9 +37,9 @@ static double light_of(const struct map *map, const struct part *part) {
     return sum;
 }
 
-/* Cuts a part into two parts of about equal light, *part and *ret_rest (Debevec 2005). The cut
- * divides the longer side. The width counts as the angle at the middle row of the part. Returns
- * FALSE for a single pixel. */
+/* Cuts a part into two parts of about equal light (Debevec 2005). *part becomes one of them, and
+ * *ret_rest the other. The cut divides the longer side. The width is measured as the angle at the
+ * middle row of the part. Returns FALSE for a single pixel, which cannot be cut. */
 static gboolean cut(const struct map *map, struct part *part, struct part *ret_rest) {
     const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
     const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;

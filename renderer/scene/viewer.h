@@ -117,8 +117,8 @@ gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, gui
 float *viewer_render_light(Viewer *viewer, const struct viewer_settings *settings, int width,
                            int height, GError **error);
 
-/* Returns linear reflectance before exposure and tone, without supersampling: width × height × 4
- * floats, top row first. The fourth float is 0 where only the background is seen. Only the
+/* Returns linear reflectance before exposure and tone curve, without supersampling: width × height
+ * × 4 floats, top row first. The fourth float is 0 where only the background is seen. The
  * background is already exposed. */
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
                             int height, GError **error);

@@ -3,7 +3,7 @@ uniform sampler2DArray view_weights;
 uniform usampler2D light_indices;
 uniform sampler2D light_weights;
 uniform int n_terms;
-uniform int n_layers; // layers per term: the lights, the pole, the even sky
+uniform int n_layers; // layers of a term: one for each light, one for the pole, one for an even sky
 
 #define BTF_PREPARED
 vec2 view_at; // coordinates of the view in the table of W_i

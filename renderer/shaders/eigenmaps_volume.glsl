@@ -12,7 +12,7 @@ uniform vec4 light_ring[16]; // see gl/ring_slices.h
 #define BTF_PREPARED
 vec2 view_at;        // coordinates of the view in the table of W_i
 vec3 light_at;       // a and b of term 0, in slices; s
-float light_arrives; // share of the light
+float light_arrives; // share of the light that arrives
 
 void btf_prepare(vec3 v, vec3 l, float lit) {
     vec2 table = vec2(textureSize(view_weights, 0).xy);

@@ -1,5 +1,6 @@
-// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or
-// one for all views), N_LOBES and ROTATION are constants.
+// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED, N_LOBES and ROTATION are
+// constants. If SLICED is 1, there is one slice for each view. If it is 0, there is one for all
+// views.
 uniform sampler2DArray values; // layer: slice · n_pages + page
 uniform sampler2DArray
     ambients; // reflectance under an even sky: a layer per view, and one for the pole

@@ -37,7 +37,8 @@ vec2 spiral(int k) {
 // light lies within this cone. The mean distance of the blockers from the place gives the width of
 // the cone at the blockers. The map is filtered over this width.
 float soft_lamp_at(vec3 at) {
-    float across = shadow_range.y * lamp_spread / (2.0 * shadow_radius); // of the map, per depth
+    // share of the map's width, per unit of depth
+    float across = shadow_range.y * lamp_spread / (2.0 * shadow_radius);
     float most = across * at.z, sum = 0.0, n = 0.0;
     // The points are denser near the place. Each point has a weight for the area that it
     // represents.

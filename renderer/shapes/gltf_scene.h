@@ -1,8 +1,8 @@
 /*
  * A glTF 2.0 scene for a path tracer: its triangles by material, at the places of its nodes, and
- * its materials, lamps and first camera. Nothing is centred or scaled, unlike the meshes of
- * scene.h: lengths are as in the file. In the file y is up. Here z is up: (x, y, z) becomes (x, −z,
- * y).
+ * its materials, lamps and first camera. Unlike the meshes of scene.h, nothing is centred or
+ * scaled, so lengths are as in the file. In the file, y is up. Here z is up: (x, y, z) becomes (x,
+ * −z, y).
  *
  * If several nodes refer to a mesh, it appears once for each node. A material has its factors and
  * its base colour texture, with the first texture coordinates. Other textures are ignored. Skins

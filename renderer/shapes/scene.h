@@ -1,9 +1,9 @@
 /*
  * The shapes on which a material is drawn: meshes with texture coordinates and tangent frames.
  *
- * u increases along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so
- * that row 0 of a texture lies at v = 1), with b = tangent[3] · n × t. Coordinates are z-up. One
- * tile covers u or v from 0 to 1. A renderer multiplies u and v by the numbers of tiles.
+ * u increases along the tangent t, which is the texture's +x. v increases along the bitangent b,
+ * which is the texture's +y, so row 0 of a texture lies at v = 1. b is tangent[3] · n × t. z is up.
+ * One tile covers u or v from 0 to 1. A renderer multiplies u and v by the numbers of tiles.
  */
 #pragma once
 

@@ -6,8 +6,8 @@
 #define TRACE_ERROR trace_error_quark()
 GQuark trace_error_quark(void);
 enum trace_error {
-    /* the scene cannot be used, or one of its pictures, or it lacks something that a setting names
-     */
+    /* the scene or one of its pictures cannot be used, or a setting names something that it
+     * lacks */
     TRACE_ERROR_SCENE,
     TRACE_ERROR_MATERIAL, /* the file of a material cannot be used */
     TRACE_ERROR_SETTING,  /* a setting is out of range, or does not fit the scene */

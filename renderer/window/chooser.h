@@ -16,7 +16,8 @@ enum chooser_what {
 };
 
 enum chooser_state {
-    CHOOSER_IDLE,        /* no dialog was requested, or the dialog is open */
+    /* there is no new result: no dialog was requested, or the dialog is still open */
+    CHOOSER_IDLE,
     CHOOSER_CHOSEN,      /* the user has chosen *ret_path; free it with g_free() */
     CHOOSER_CANCELLED,   /* the user has cancelled the dialog */
     CHOOSER_UNAVAILABLE, /* there is no portal, or it does not answer within seconds */

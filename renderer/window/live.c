@@ -76,7 +76,7 @@ struct Live {
     gboolean more_views;    /* the thread makes eigen-maps of the BTF, not of pictures */
     struct eigenmaps *maps; /* the result of the thread, or NULL */
     GError *error;
-    char *text;      /* result of live_text(); replaced by new_text when the thread has finished */
+    char *text;      /* result of live_text(); becomes new_text when the thread has finished */
     char *new_text;  /* NULL if there is none */
     GArray *has;     /* of gboolean: live_pictures_has_view() of each view */
     GArray *new_has; /* NULL if there is none */

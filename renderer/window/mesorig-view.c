@@ -1,4 +1,4 @@
-/* Shows a material on a shape, in a window or as PNG files without a window. See
+/* Shows a material on a shape: in a window, or as PNG or EXR files without a window. See
  * mesorig-view(1). */
 #include "base/json.h"
 #include "base/output_file.h"

@@ -72,9 +72,9 @@ struct setting {
 
 extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
-/* Fills ret with the option entries of all rows except SETTING_OTHER, and returns their number. The
- * entries set members of options. ret must have space for SETTINGS entries. No entry that ends a
- * list of entries is added. */
+/* Fills ret with the option entries of all rows except SETTING_OTHER. Returns the number of
+ * entries. The entries set members of options. ret must have space for SETTINGS entries. The caller
+ * must add the entry that ends the list. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
 /* A picture for settings_command(). `width` and `height` are its size in pixels. `samples` is the

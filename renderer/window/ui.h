@@ -23,8 +23,7 @@ void ui_free(Ui *ui); /* NULL is ignored */
 void ui_begin(Ui *ui);
 void ui_end(Ui *ui); /* draws into the window's framebuffer */
 
-/* Return whether the mouse, or the keyboard, is being used for a control. The picture then ignores
- * it. */
+/* Return whether a control uses the mouse, or the keyboard, so that the picture must ignore it. */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 

@@ -97,10 +97,11 @@ void window_follow(struct window *w); /* checks at most once a second whether fi
 void window_ask_material(struct window *w, const char *argument, const struct method *method);
 void window_ask_mdf(struct window *w, const char *path);
 void window_ask_environment(struct window *w, const char *name);
-/* Shows a session that is being captured: first a demonstration, then eigen-maps of its views. */
-void window_watch_session(struct window *w, const char *session);
 /* Shows a session that is being captured: first a material that needs no file, then eigen-maps of
  * the session's views. */
+void window_watch_session(struct window *w, const char *session);
+/* Shows files that the opener has opened since the last call. Returns FALSE with an error if a file
+ * given at the start cannot be opened and the window has to close because of this (close_after). */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 

@@ -160,8 +160,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* Not g_main_context_invoke(): while no main loop iteration owns the context, that function
-     * would call on_rendered() in this thread. */
+    /* g_main_context_invoke() is not used here, because it would call on_rendered() in this thread
+     * while no main loop iteration owns the context. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 

@@ -42,7 +42,7 @@ struct virtual_gcode_options {
     /* soft limits: positions from −max_travel to max_travel are allowed; 0: no soft limits */
     double max_travel;
     gboolean single_homing; /* GRBL: knows "$HX" */
-    /* homing is switched off (GRBL: $22=0), or SET_KINEMATIC_POSITION is unknown (Klipper) */
+    /* GRBL: homing is switched off ($22=0). Klipper: SET_KINEMATIC_POSITION is unknown. */
     gboolean homing_off;
     gboolean work_positions;   /* GRBL: reports WPos, and its offset in every tenth report */
     gboolean emergency_parser; /* Marlin: acts on M112 and M410 at once */

@@ -60,7 +60,8 @@ struct VirtualGcode {
     /* GRBL: number of the alarm, or 0; other languages: 1 after kill() or a shutdown */
     int alarm;
     gboolean locked_up; /* answers nothing until Ctrl-X */
-    /* GRBL: `door`: the safety door is open. `check`: moves are checked but not made (“$C”). */
+    /* GRBL: `door` says that the safety door is open. `check` says that moves are checked but not
+     * made (“$C”). */
     gboolean door, check;
     gboolean waits; /* "G4", M400, "$H" or G28 is being carried out, and its "ok" comes later */
     double feed;
@@ -70,8 +71,8 @@ struct VirtualGcode {
     gboolean pressed[VIRTUAL_GCODE_AXES];
     int last_line;  /* Marlin: number of the last line */
     gint64 busy_us; /* Marlin: time of the last "busy" */
-    /* Klipper: `ready`: it is connected to its controllers. `homed` has a bit for each axis that is
-     * homed. */
+    /* Klipper: `ready` says that it is connected to its controllers. `homed` has a bit for each
+     * axis that is homed. */
     gboolean ready;
     guint homed;
     gboolean is_ahead; /* Klipper: the "ok" of a move waits until less motion is still to be made */

@@ -185,8 +185,8 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* Carries out those effects of a request that libmodbus does not know: pulses, commands of the
- * drive, and counters. libmodbus itself only writes to its mapping. */
+/* Carries out what a request does beyond libmodbus, which only writes to its mapping: pulses,
+ * commands of the drive, and counters. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];

@@ -105,8 +105,8 @@ void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y)
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
-/* How a camera arm turns its cameras, or a light probe its lamps. They turn about a line. The angle
- * is that of the arm or probe + zero. */
+/* The movement of a camera arm with its cameras, or of a light probe with its lamps. Cameras or
+ * lamps turn about a line. The angle is that of the arm or probe + zero. */
 struct optics_swing {
     struct v3 axis, centre_mm; /* the line has the direction `axis` and goes through centre_mm */
     double zero;
@@ -116,8 +116,8 @@ struct v3 optics_swing_point(const struct optics_swing *swing, double angle, str
 
 struct optics_lamp {
     struct v3 position_mm, aim; /* aim is a unit vector */
-    /* `intensity` is that along `aim`, in W·sr⁻¹. It falls with cos^exponent of the angle to
-     * `aim`. */
+    /* `intensity`: radiant intensity along `aim`, in W·sr⁻¹. In other directions, it is multiplied
+     * by cos^exponent of the angle to `aim`. */
     double exponent, intensity;
 };
 

@@ -21,8 +21,8 @@ struct spread {
 void spread_init(struct spread *spread, double blur_px);
 
 /* Sets ret_xy_px to across² positions: x and y of each position, relative to the pixel's centre.
- * across is at most 16. Each cell of a grid of across × across cells has one position. If the pixel
- * is cut into across² columns, each of them also has one position, and so have across² rows
- * (correlated multi-jittering; Kensler 2013). */
+ * across is at most 16. Each cell of a grid of across × across cells has one position. So has each
+ * of across² columns and each of across² rows of the pixel (correlated multi-jittering; Kensler
+ * 2013). */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

@@ -41,8 +41,8 @@ struct truth_arc {       /* the true axis of the arc, in the rig frame */
 };
 void truth_arc(World *world, struct truth_arc *ret);
 
-/* The axis of the camera arm, in the rig frame. Or the axis of the light probe, in the frame of the
- * probe's lamps. */
+/* The axis of the camera arm or of the light probe. The axis of the arm is in the rig frame. The
+ * axis of the probe is in the frame of the probe's lamps. */
 struct truth_swing {
     double zero_deg;     /* angle that is added to the angle of the arm or probe */
     double axis[3];      /* unit vector; the carried devices turn counter-clockwise about it */

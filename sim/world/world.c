@@ -9,7 +9,7 @@
 #define POSE_STEP_PX 0.125
 
 static GMutex registry_lock;
-static GHashTable *registry; /* World by path; not a reference */
+static GHashTable *registry; /* maps a path to a World, without a reference to the World */
 
 static void free_world(World *world) {
     cache_free(world->cache);

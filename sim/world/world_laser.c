@@ -20,7 +20,7 @@ struct share {
 struct laser_list {
     double first; /* first angle, rad */
     guint n_cells;
-    /* n_cells + 1 indices of the first contribution of each cell, stored after `shares` */
+    /* index of the first contribution of each cell; n_cells + 1 elements, stored after `shares` */
     const guint32 *starts;
     struct share shares[];
 };

@@ -57,8 +57,10 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
 }
 
 /* Converts a vector or point to the frame of the pose. v is in the frame of the arc, or for a fixed
- * light in the rig frame. If the axes of arc and turntable have no errors, v is only turned by the
- * angle between arc and turntable. The result is then bit-identical to that for an ideal arc. */
+ * light in the rig frame.
+ *
+ * If the axes of arc and turntable have no errors, v is only turned by the angle between arc and
+ * turntable. The result is then bit-identical to that for an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {

@@ -500,10 +500,9 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* Returns the axis of the arm or probe, with random deviations from the nominal axis. The
- * deviations have three standard deviations: zero_deg for the zero, tilt_deg for the tilt in each
- * of two directions, and off_mm for the offset in each of x, y and z. letter is the class_letter of
- * device_random(). */
+/* Returns the axis of the arm or probe, with random deviations from the nominal axis. The standard
+ * deviations are zero_deg for the zero, tilt_deg for the tilt in each of two directions, and off_mm
+ * for the offset in each of x, y and z. letter is the class_letter of device_random(). */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

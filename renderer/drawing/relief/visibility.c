@@ -33,7 +33,7 @@ struct Visibility {
      * is a texture with the number of the first face in each pixel's list. */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
-    guint32 room; /* number of faces for which the buffer has space */
+    guint32 room; /* number of faces for which the buffer `faces` has space */
 };
 
 static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,

@@ -167,7 +167,7 @@ static char *stream_http(const guint8 *key, gsize n, const char *sections) {
     return g_strdup("HTTP");
 }
 
-/* Programs: JSON-RPC, a request a line. */
+/* Programs: each line is a request in JSON-RPC. */
 static const char *find(const guint8 *bytes, gsize n, const char *name) {
     const char *at = g_strstr_len((const char *)bytes, (gssize)n, name);
     return at ? at + strlen(name) : NULL;
@@ -233,7 +233,7 @@ static const char *const grbl[] = {"driver = gcode-axis", NULL};
 static const char *const marlin[] = {"dialect = marlin", NULL};
 static const char *const leds[] = {"driver = serial-lamps", NULL};
 
-/* The first that fits is taken. */
+/* The first protocol that fits is used. */
 static const struct replay_protocol protocols[] = {
     {"serial", marlin, cut_line, key_marlin, stream_marlin, NULL, NULL},
     {"serial", grbl, cut_grbl, key_line, stream_grbl, answers_grbl, NULL},

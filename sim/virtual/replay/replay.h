@@ -3,14 +3,20 @@
  *
  * The order of requests decides, not the time. The device sends a message of the recording as soon
  * as all requests before this message have come. If a request differs from the recording, the
- * replay has a difference, and the device says nothing more. Polls, and levels that are sent again
- * and again, depend on the time. They may come more often or less often than in the recording, as
- * long as the answer does not change. An answer that has changed must be fetched as in the
- * recording.
+ * replay has a difference, and the device says nothing more.
  *
- * Serial lines are replayed on pseudo-terminals, Modbus over TCP, lamps in the network on the
- * loopback interface, programs by a program that passes its input and output on, and USB behind
- * umockdev (testbed.h). Each bus has its own thread. The functions belong to one thread.
+ * Polls, and levels that are sent again and again, depend on the time. They may come more often or
+ * less often than in the recording, as long as the answer does not change. If the recording has a
+ * new answer to a poll, this poll must come as in the recording.
+ *
+ * The kinds of buses are replayed in these ways, each bus in its own thread:
+ * - serial lines on pseudo-terminals
+ * - Modbus over TCP
+ * - lamps in the network on the loopback interface
+ * - programs by a program that passes its input and output on
+ * - USB behind umockdev (testbed.h)
+ *
+ * The functions belong to one thread.
  */
 #pragma once
 

@@ -26,8 +26,8 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
-/* The sample has scratches along x. They are noise of three sizes, which is long in x and short in
- * y. A few scratches are deep. */
+/* The sample has scratches along x. They consist of noise of three sizes. The noise is long in x
+ * and short in y. A few scratches are deep. */
 static void brushed(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;
