@@ -2,7 +2,7 @@
 // Fresnel factor (see lobes.h):
 //   √((U + 1)(V + 1)) / 8 · h_n^e · n·l / (h·l · max(n·l, n·v))
 //   e = (U h_x² + V h_y²) / (h_x² + h_y²)
-// (U, V) is `rough`, and half_v is the result of facet_half(). If h is the normal, e is undefined.
+// (U, V) is rough, and half_v is the result of facet_half(). If h is the normal, e is undefined.
 // This does not matter, because h_n is then 1.
 float facet_shine(vec2 rough, vec4 half_v, float nl, float nv, float hl) {
     float exponent = dot(rough, half_v.xy) / max(half_v.x + half_v.y, 1e-12);

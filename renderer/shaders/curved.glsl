@@ -72,7 +72,7 @@ uniform bool curved; // if FALSE, the ray ends where it enters
 const int END_STEPS = 3;
 const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and ray_end.v
 
-// The end of a ray. A straight ray that enters the flat sample at `texel` and goes in the direction
+// The end of a ray. A straight ray that enters the flat sample at texel and goes in the direction
 // −v ends at the same point of the sample.
 struct ray_end {
     vec2 texel;
@@ -82,7 +82,7 @@ struct ray_end {
     float depth_mm; // depth of the end below the reference plane of the flat sample
 };
 
-// Returns the end of a ray that goes on below the mesh for the distance `way`. v is the direction
+// Returns the end of a ray that goes on below the mesh for the distance way. v is the direction
 // towards the eye where the ray enters.
 ray_end find_end(vec3 v, float way) {
     ray_end end = ray_end(texel, v, mat3(1.0), texel, 0.0);

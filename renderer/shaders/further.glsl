@@ -8,8 +8,8 @@ uniform vec3 lamp_colours[MAX_LAMPS];
 #ifdef NEAR_LAMPS
 uniform vec4 lamp_places[MAX_LAMPS]; // w = 1: position; w = 0: unit vector towards a far lamp
 // The cone of a spot lamp. xyz is the direction in which the lamp shines, and w is −cos outer,
-// where `outer` is half the angle of the cone. All four values are divided by (cos inner − cos
-// outer), where `inner` is half the angle of the inner cone. For other lamps, xyz is 0 and w is 1.
+// where outer is half the angle of the cone. All four values are divided by (cos inner − cos
+// outer), where inner is half the angle of the inner cone. For other lamps, xyz is 0 and w is 1.
 uniform vec4 lamp_cones[MAX_LAMPS];
 
 // Returns the unit direction from p towards lamp k. shines is the irradiance at p on a surface that

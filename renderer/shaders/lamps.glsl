@@ -25,7 +25,7 @@ vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #endif
 }
 
-// Returns the radiance of a point p under the first lamp, the even sky and all further lamps. `at`
+// Returns the radiance of a point p under the first lamp, the even sky and all further lamps. at
 // are the places of the sample that p shows. lit is the share of the first lamp's light that
 // arrives. In the shadow of all lamps, only the light of the sky remains: ambient / π · L_a (Wang
 // et al. 2005 §4.2). NO_FIRST_LAMP is defined if the first lamp and the sky give no light.

@@ -78,7 +78,7 @@ void add_place(inout places at, vec2 x, float share) {
 }
 
 // Adds the places of two neighbouring texels of a row or column of the map. If the two texels are
-// also neighbours in the sample (`same`), one place between them is added.
+// also neighbours in the sample (same), one place between them is added.
 void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, vec2 shift_to,
               bool same, float share) {
     if (same) {
