@@ -72,11 +72,15 @@ static void tell_result(Record *to, const struct pipeline_result *result,
                    result->n_damaged == 1 ? "product was" : "products were",
                    result->n_damaged == 1 ? "has" : "have");
     const int n_pictures = result->n_views * result->n_lights;
-    if (result->n_left_out > 0)
+    if (result->n_left_out > 0) {
+        g_autofree char *some = result->n_used < n_pictures - result->n_left_out
+                                    ? g_strdup_printf("%d of the", result->n_used)
+                                    : NULL;
         record_say(to,
                    "%d of the BTF's %d pictures were left out by the capture: they were predicted "
-                   "from all others and marked, with an expected error of %.2f{:%%} of the BTF\n",
-                   result->n_left_out, n_pictures, result->prediction_error);
+                   "from %s others and marked, with an expected error of %.2f{:%%} of the BTF\n",
+                   result->n_left_out, n_pictures, some ? some : "all", result->prediction_error);
+    }
     if (result->n_predicted > result->n_left_out)
         record_say(to,
                    "%d of the BTF's %d pictures were left out by the plan: they were predicted "

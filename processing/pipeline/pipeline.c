@@ -464,6 +464,7 @@ static gboolean predict(struct run *run, struct pipeline_result *ret, GError **e
         return FALSE;
     }
     ret->n_left_out = product.n_left_out;
+    ret->n_used = product.n_used;
     if (product.inputs) {
         struct prediction_known known;
         prediction_product_read(run->session, &known);

@@ -76,6 +76,8 @@ struct pipeline_result {
     int n_predicted;
     /* number of predicted pictures that the capture left out because they can be predicted */
     int n_left_out;
+    /* number of captured pictures from which these are predicted (prediction_product.h) */
+    int n_used;
     /* expected error of the predicted pictures, relative to the whole BTF; NAN if no picture is
      * predicted */
     double prediction_error;

@@ -198,6 +198,20 @@ static gboolean product_gather(const struct product_job *job, int first, int n, 
     return TRUE;
 }
 
+/* Removes captured pictures from the probes (n_rows × n_pairs) if there are more than the
+ * prediction can use. */
+static void product_thin(const struct product_job *job, int n_rows, float *probes) {
+    const int n_pairs = job->n_views * job->n_lights;
+    int captured = n_pairs, k = 0;
+    for (int v = 0; v < job->n_views; v++)
+        captured -= job->views[v].n_left_out;
+    for (int pair = 0; pair < n_pairs; pair++)
+        if (job->views[pair / job->n_lights].slots[pair % job->n_lights] < 0 &&
+            !prediction_uses(k++, captured))
+            for (int row = 0; row < n_rows; row++)
+                probes[(gsize)row * (gsize)n_pairs + (gsize)pair] = NAN;
+}
+
 /* Fits the prediction to PROBES texels, or to all texels if there are fewer. The texels are taken
  * in steps of the golden section, so that their distances do not match the period of a weave. */
 static gboolean product_learn(struct product_job *job, const struct work *work, GError **error) {
@@ -215,6 +229,7 @@ static gboolean product_learn(struct product_job *job, const struct work *work, 
         if (!product_gather(job, (int)texel, 1, probes + (gsize)i * 3 * pairs, error))
             return FALSE;
     }
+    product_thin(job, 3 * n, probes);
     job->prediction = prediction_new(&of, probes, at_mm, n, work, error);
     return job->prediction != NULL;
 }
@@ -366,6 +381,7 @@ gboolean prediction_product_make(Session *session, const struct catalogue *catal
         ret->n_left_out += job.views[v].n_left_out;
         input_hash(sum, "%s", job.views[v].inputs);
     }
+    ret->n_used = MIN(ret->n_pictures - ret->n_left_out, PREDICTION_MAX_MEASURED);
     if (ok && ret->n_left_out > 0) {
         ret->inputs = g_strdup(g_checksum_get_string(sum));
         ret->made = !product_is_fresh(&job, ret->inputs);

@@ -17,6 +17,9 @@
 struct prediction_product {
     /* number of left-out pictures, and number n_pictures of all pictures of the BTF */
     int n_left_out, n_pictures;
+    /* number of captured pictures from which the others are predicted: all of them, but at most
+     * PREDICTION_MAX_MEASURED */
+    int n_used;
     char *inputs; /* hash; NULL if nothing was left out */
     /* FALSE if the files were up to date, or if no picture was left out */
     gboolean made;

@@ -275,6 +275,11 @@ static gboolean learn_rows(Prediction *prediction, const struct prediction_rows 
     return TRUE;
 }
 
+gboolean prediction_uses(int k, int n) {
+    const gint64 most = MIN(n, PREDICTION_MAX_MEASURED);
+    return (k + 1) * most / n > k * most / n;
+}
+
 static gboolean learn(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                       int n_probes, const struct work *work, GError **error) {
     if (prediction->n_measured > PREDICTION_MAX_MEASURED) {

@@ -60,6 +60,9 @@ typedef struct prediction Prediction;
 /* Maximum number of measured pairs; with more, the error is DATA_ERROR_INVALID. K takes 8 bytes ×
  * the square of this number. */
 #define PREDICTION_MAX_MEASURED 6000
+/* Returns whether the k-th of n measured pairs, counted from 0, is in the evenly spread part of at
+ * most PREDICTION_MAX_MEASURED pairs. If n may be larger, give prediction_new() only this part. */
+gboolean prediction_uses(int k, int n);
 
 /* Fits the model. probes has n_probes × 3 × n_pairs values ρ of R, G, B at some texels, NaN if not
  * measured. Some hundred texels are enough. at_mm (n_probes) has the positions of the texels in the

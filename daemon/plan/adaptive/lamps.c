@@ -130,10 +130,9 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
     int n = 0, k = 0;
     for (int pair = 0; pair < n_pairs; pair++)
         n += is_taken(lamps, pair);
-    const gint64 most = MIN(n, PREDICTION_MAX_MEASURED);
     for (int pair = 0; pair < n_pairs; pair++) {
         const gboolean taken = is_taken(lamps, pair);
-        const gboolean given = taken && (k + 1) * most / n > k * most / n;
+        const gboolean given = taken && prediction_uses(k, n);
         k += taken;
         for (int row = 0; row < rows; row++)
             table[(gsize)row * (gsize)n_pairs + (gsize)pair] =

@@ -221,6 +221,23 @@ TEST(refused) {
     g_assert_cmpfloat(prediction_error(none), ==, 1);
 }
 
+/* All pairs up to the maximum, and an evenly spread part of more. */
+TEST(most_measured) {
+    const int most = PREDICTION_MAX_MEASURED, numbers[] = {1, 7, most, most + 1, 9216, 3 * most};
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++) {
+        const int n = numbers[i], gap = (n + most - 1) / most;
+        int used = 0, last = -1;
+        for (int k = 0; k < n; k++)
+            if (prediction_uses(k, n)) {
+                g_assert_cmpint(k - last, <=, gap);
+                last = k;
+                used++;
+            }
+        g_assert_cmpint(used, ==, MIN(n, most));
+        g_assert_cmpint(n - 1 - last, <, gap);
+    }
+}
+
 BEFORE_TESTS {
     make_pairs();
     make_shots();
