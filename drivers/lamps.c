@@ -59,12 +59,12 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
     if (!n_fits)
         device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
                          "its driver reports %d lamps" ERROR_ADVICE
-                         "correct its section to 1 to " G_STRINGIFY(MAX_LAMPS) " lamps",
+                         "set the number of lamps in its section to 1 to " G_STRINGIFY(MAX_LAMPS),
                          bank->n);
     else if (!isfinite(bank->warm_up_s) || bank->warm_up_s < 0)
         device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
                          "its driver reports a warm-up time of %g s" ERROR_ADVICE
-                         "correct its section to 0 s or more",
+                         "set warm_up_s or warm_up_ms in its section to 0 or more, or remove it",
                          bank->warm_up_s);
     if (!n_fits || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
         lamps_close(bank);

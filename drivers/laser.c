@@ -51,12 +51,12 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
     if (!warm_up_fits)
         device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
                          "its driver reports a warm-up time of %g s" ERROR_ADVICE
-                         "set warm_up_s in its section to 0 or more, or remove it",
+                         "set warm_up_s or warm_up_ms in its section to 0 or more, or remove it",
                          laser->warm_up_s);
     else if (!isfinite(laser->watchdog_s) || laser->watchdog_s < 0)
         device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
                          "its driver reports a watchdog time of %g s" ERROR_ADVICE
-                         "correct its section to 0 s or more",
+                         "set the keys of the watchdog in its section to 0 or more, or remove them",
                          laser->watchdog_s);
     if (!warm_up_fits || !isfinite(laser->watchdog_s) || laser->watchdog_s < 0) {
         laser_close(laser);

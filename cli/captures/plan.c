@@ -158,7 +158,9 @@ static int run_plan(const struct call *call, GError **error) {
     g_autofree char *directory = output ? g_canonicalize_filename(output, NULL) : g_strdup("");
     if (offline && output) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "--offline uses only the rig file: leave out --output %s", output);
+                    "--offline asks no daemon, so it cannot check the directory --output %s: leave "
+                    "out --output or --offline",
+                    output);
         return CLI_FAILED;
     }
     if (like && !curve) {

@@ -43,9 +43,9 @@ struct passes_speed {
 struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
                                  const struct rig_timing *timing, struct camera_set cameras);
 
-/* Sets the pass of each of n shots, taken or not, in their order. The first pass gets the number
- * `number` + 1. Returns the number of the last pass, or `number` if there is no pass. Without
- * motion = continuous no shot is in a pass. */
+/* Sets the pass of each of n shots, which are in the order of the plan and include shots that are
+ * already taken. The first pass gets the number `number` + 1. Returns the number of the last pass,
+ * or `number` if there is no pass. There is no pass unless the session has motion = continuous. */
 int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
                const struct rig *rig, const struct rig_timing *timing, int number);
 

@@ -148,11 +148,13 @@ gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_
         g_usleep(RETRY_US);
     }
     if (former == FORMER_STRANGER)
-        g_printerr("mesorigd: guardian: a process of another user holds the socket that marks the "
-                   "guardian of this rig; continuing without the socket\n");
+        g_printerr("mesorigd: guardian: a process of another user answers as the guardian of this "
+                   "rig. This guardian protects the rig too, but a later mesorigd does not find "
+                   "it; end the other process\n");
     else
-        g_printerr("mesorigd: guardian: the socket that marks the guardian of this rig was not "
-                   "free within %d s; continuing without the socket\n",
+        g_printerr("mesorigd: guardian: an earlier guardian of this rig did not end within %d s. "
+                   "This guardian protects the rig too, but a later mesorigd does not find it; end "
+                   "the earlier mesorigd\n",
                    (int)(TAKE_US / G_USEC_PER_SEC));
     return TRUE;
 }

@@ -18,8 +18,9 @@
  * within another late_ms. A request may therefore be carried out twice, so only write values that
  * may be written twice (absolute targets, coils).
  *
- * An attempt that is followed by such a late answer does not count as one of the request's
- * "retries", because the device is alive. These attempts end at the deadline of the job.
+ * If the answer to an earlier request arrives late, the device is alive but slow. The attempt
+ * during or after which it arrives does not count as one of the request's "retries". The request is
+ * then repeated, until the deadline of the job at most.
  *
  * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
  * unit and the address.

@@ -266,8 +266,8 @@ static gboolean check_grid(const struct direction_list *list, int n_grid, gboole
                     "the material has no %s, but a grid of directions needs at least one", what);
     else if (list->n > MOST)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the material has %zu %s, but a grid of directions can have at most %d; "
-                    "resample the material to fewer directions first",
+                    "the material has %zu %s, but a grid of directions can be computed from at "
+                    "most %d; resample the material to fewer directions first",
                     list->n, what, MOST);
     else {
         for (gsize i = 0; i < list->n; i++) {

@@ -40,8 +40,8 @@ struct fused {
     int n_views;
 };
 
-/* Fuses the points of one cube, cubes[0] … cubes[n − 1]. The mean is weighted by 1/σ² and by the
- * cosine between normal and camera. */
+/* Fuses n points that lie in the same cube. cubes[0] … cubes[n − 1] belong to these points. The
+ * mean is weighted by 1/σ² and by the cosine between normal and camera. */
 static struct fused fuse(const struct surface *surface, const struct cube *cubes, guint n) {
     struct fused ret = {0};
     double weight = 0, squares = 0;

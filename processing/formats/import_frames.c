@@ -38,11 +38,12 @@ static struct import_picture *read_lamp(const struct import_set *set, const stru
     }
     if (picture->grey != set->in_colour[row->view])
         return g_steal_pointer(&picture);
-    data_error_set(set->table, row->line, error,
-                   "%s is %s, but %s (line %d) of the same view is not; give only grey or only "
-                   "colour pictures for the BTF that camera %s takes at turntable_deg %g",
-                   row->name, picture->grey ? "grey" : "in colour", (*first)->name, (*first)->line,
-                   set->known->rig.cameras[row->camera].name, row->turntable_deg);
+    data_error_set(
+        set->table, row->line, error,
+        "%s is %s, but %s (line %d) of the same view is not; the pictures of camera %s at "
+        "turntable_deg %g must be all grey or all in colour",
+        row->name, picture->grey ? "grey" : "in colour", (*first)->name, (*first)->line,
+        set->known->rig.cameras[row->camera].name, row->turntable_deg);
     return NULL;
 }
 

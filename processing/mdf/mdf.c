@@ -834,7 +834,9 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     add_known_errors(view, ret_distance, shares, ret_error);
 }
 
-/* The scatter at a texel is √u of mdf_errors.h, divided by the width of the line. */
+/* The scatter at a texel is √u: the standard deviation, in frames, of the times of the line
+ * (mdf_errors.h). ret->scatter is its median over the texels, divided by the mean standard
+ * deviation of the line in frames (line_frames). */
 void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     g_autofree double *scatter = g_new(double, view->n_texels / EVERY + 1);

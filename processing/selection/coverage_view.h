@@ -39,7 +39,8 @@ struct coverage_sums {
     int texels; /* number of texels that were examined and are in the picture */
     int known;  /* texels whose distance is known */
 };
-/* Counts the texels that were examined, and those that all added sweeps together make known.
+/* Counts the examined texels of the picture, and those of them whose distance is known from all
+ * added sweeps together.
  * coverage_view_expects() examines the same texels. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
