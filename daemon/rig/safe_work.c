@@ -20,6 +20,8 @@
 #define END_MS   1000                 /* time limit for a killed process to end */
 /* Maximum pause before a process is begun after crashes. */
 #define MAX_RESTART_US (5 * G_USEC_PER_SEC)
+/* Number of attempts to start a process with SAFE_UNTIL_TIRED. They take 3.1 s. */
+#define MAX_STARTS 6
 
 /* A line of devices (safe_state_line()). */
 struct line {
@@ -29,7 +31,7 @@ struct line {
     /* time when the process began; if there is none, time from which the next one may begin */
     gint64 begin_us;
     int n_begun;   /* number of processes that the line has had */
-    int n_crashed; /* number of processes in a row that have crashed */
+    int n_crashed; /* number of processes in a row that have crashed or could not be started */
 };
 
 enum fate { OPEN, SAFE, GIVEN_UP };
@@ -207,12 +209,33 @@ static gint64 restart_us(const struct line *line) {
     return us;
 }
 
+/* Records for each open task of a line that the process of the line has failed, and reports this
+ * once for each task. `why` ends the sentence that names the device. If final is TRUE, gives the
+ * tasks up with SAFE_UNTIL_TIRED. */
+static void note_failure(SafeWork *work, const struct line *line, const char *why, gboolean final) {
+    for (int i = 0; i < safe_state_n(work->state); i++) {
+        struct task *task = &work->tasks[i];
+        if (!is_of(work, i, line))
+            continue;
+        if (final && work->until == SAFE_UNTIL_TIRED)
+            task->fate = GIVEN_UP;
+        if (task->told && line->n_crashed > 1)
+            continue;
+        task->hope = TRUE;
+        g_free(task->text);
+        task->text = g_strdup_printf("%s: NOT safe: %s", safe_state_name(work->state, i), why);
+        task->told = TRUE;
+        tell(work, "%s", task->text);
+    }
+}
+
 static void begin_process(SafeWork *work, struct line *line) {
     const pid_t parent = getpid();
     int fds[2] = {-1, -1};
 
     const gboolean piped = pipe2(fds, O_CLOEXEC) == 0;
     const pid_t pid = piped ? fork() : -1;
+    const int code = errno;
     if (pid == 0)
         become_line(work, line, parent, fds[1]);
     line->n_begun++;
@@ -223,14 +246,15 @@ static void begin_process(SafeWork *work, struct line *line) {
         close(fds[1]);
         return;
     }
-    tell(work, "the process for the devices at %s cannot be started: %s", line->name,
-         g_strerror(errno));
     if (piped) {
         close(fds[0]);
         close(fds[1]);
     }
     line->n_crashed++;
     line->begin_us += restart_us(line);
+    g_autofree char *why =
+        g_strdup_printf("the process that makes it safe cannot be started: %s", g_strerror(code));
+    note_failure(work, line, why, line->n_crashed >= MAX_STARTS);
 }
 
 static void take_report(SafeWork *work, struct report *report) {
@@ -258,27 +282,6 @@ static void take_report(SafeWork *work, struct report *report) {
     tell(work, "%s", task->text);
 }
 
-/* Records and reports, for each open task of a line, that the driver has crashed or, if hung is
- * TRUE, has not ended in time. */
-static void note_crash(SafeWork *work, const struct line *line, gboolean hung) {
-    for (int i = 0; i < safe_state_n(work->state); i++) {
-        struct task *task = &work->tasks[i];
-        if (!is_of(work, i, line) || (task->told && line->n_crashed > 1))
-            continue;
-        if (work->until == SAFE_UNTIL_TIRED)
-            task->fate = GIVEN_UP;
-        task->hope = TRUE;
-        g_free(task->text);
-        const char *name = safe_state_name(work->state, i);
-        task->text = hung
-                         ? g_strdup_printf("%s: NOT safe: its driver has not ended within %d s",
-                                           name, (int)((work->life_us + LIMIT_US) / G_USEC_PER_SEC))
-                         : g_strdup_printf("%s: NOT safe: its driver has crashed", name);
-        task->told = TRUE;
-        tell(work, "%s", task->text);
-    }
-}
-
 /* Handles the end of the process of a line: its tasks are done, its time is over, or it has
  * crashed. hung is TRUE if the process exceeds its time and has to be killed. */
 static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
@@ -289,8 +292,13 @@ static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
     end_process(line);
     line->n_crashed = crashed ? line->n_crashed + 1 : 0;
     line->begin_us = g_get_monotonic_time() + restart_us(line);
-    if (crashed)
-        note_crash(work, line, hung);
+    if (!crashed)
+        return;
+    g_autofree char *why = hung
+                               ? g_strdup_printf("its driver has not ended within %d s",
+                                                 (int)((work->life_us + LIMIT_US) / G_USEC_PER_SEC))
+                               : g_strdup("its driver has crashed");
+    note_failure(work, line, why, TRUE);
 }
 
 static void read_line(SafeWork *work, struct line *line) {

@@ -16,6 +16,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <sys/wait.h>
@@ -373,6 +374,33 @@ static void test_crash(struct fixture *fixture, gconstpointer data) {
     g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
 }
 
+/* The processes of the lines cannot be started, because no descriptor is left. Each device is
+ * named, and is made safe as soon as its process starts. */
+static void test_starved(struct fixture *fixture, gconstpointer data) {
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    GSubprocess *work = work_start(fixture, "starved", "60");
+    g_autofree char *before = work_until(fixture, "is still trying", 1);
+    g_assert_true(lines_has_light(fixture->lines.devices[LASER]));
+    const struct rlimit enough = {256, 256};
+    const pid_t pid = (pid_t)g_ascii_strtoll(g_subprocess_get_identifier(work), NULL, 10);
+    g_assert_cmpint(prlimit(pid, RLIMIT_NOFILE, &enough, NULL), ==, 0);
+    work_end(work);
+    g_autofree char *text = text_file_read(fixture->said);
+    g_assert_cmpint(count(text, "laser top: NOT safe: the process that makes it safe cannot"), ==,
+                    1);
+    g_assert_cmpint(count(text, "lamps bank: NOT safe: the process that makes it safe cannot"), ==,
+                    1);
+    g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
+}
+
+/* mesorigd --safe-state ends if the processes cannot be started. */
+static void test_starved_once(struct fixture *fixture, gconstpointer data) {
+    work_end(work_start(fixture, "once", "0"));
+    g_autofree char *text = text_file_read(fixture->said);
+    g_assert_cmpint(count(text, "laser top: NOT safe: "), ==, 1);
+    g_assert_cmpint(count(text, "the rig is NOT safe: switch off by hand"), ==, 1);
+}
+
 /* Nothing is said of devices that never failed. */
 static void test_quiet(struct fixture *fixture, gconstpointer data) {
     work_end(work_start(fixture, "quiet", "60"));
@@ -380,9 +408,30 @@ static void test_quiet(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpstr(text, ==, "");
 }
 
+/* Leaves this process no descriptor for a pipe. Returns the limit from before. */
+static struct rlimit starve(void) {
+    struct rlimit before;
+    const int next = dup(0);
+    close(next);
+    g_assert_cmpint(getrlimit(RLIMIT_NOFILE, &before), ==, 0);
+    const struct rlimit none = {(rlim_t)next, before.rlim_max};
+    g_assert_cmpint(setrlimit(RLIMIT_NOFILE, &none), ==, 0);
+    return before;
+}
+
 /* The process of work_start(). */
 static int be_work(const char *rig, const char *kind, const char *repeat_s) {
     g_autoptr(SafeState) state = ok(safe_state_read(rig, ERR));
+    if (strcmp(kind, "once") == 0) {
+        g_assert_cmpint(dup2(STDERR_FILENO, STDOUT_FILENO), ==, STDOUT_FILENO);
+        const struct rlimit before = starve();
+        gboolean hope = FALSE;
+        const gboolean done = safe_work_once(state, &hope);
+        setrlimit(RLIMIT_NOFILE, &before);
+        return !done && hope ? 0 : 1;
+    }
+    if (strcmp(kind, "starved") == 0)
+        starve();
     SafeWork *work =
         safe_work_new(state, strcmp(kind, "quiet") == 0 ? SAFE_UNTIL_SAFE_QUIETLY : SAFE_UNTIL_SAFE,
                       g_ascii_strtod(repeat_s, NULL));
@@ -428,6 +477,8 @@ int main(int argc, char **argv) {
     ADD("/guardian/place-held", test_place_held, 0);
     ADD("/safe-work/told", test_told, 0);
     ADD("/safe-work/crash", test_crash, 0);
+    ADD("/safe-work/starved", test_starved, 0);
+    ADD("/safe-work/starved-once", test_starved_once, 0);
     ADD("/safe-work/quiet", test_quiet, 0);
     const int code = g_test_run();
     g_string_free(told, TRUE);
