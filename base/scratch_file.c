@@ -19,8 +19,8 @@ ScratchFile *scratch_file_new(const char *folder, guint64 bytes, const char *con
         const int code = errno;
         g_autofree char *size = g_format_size(bytes);
         g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
-                    "%s: no temporary file of %s can be made here for %s: %s; free some space or "
-                    "raise the limit of memory",
+                    "%s: no temporary file of %s can be made in this folder for %s: %s; free some "
+                    "space there, or give a larger --memory if the command has this option",
                     folder, size, content, g_strerror(code));
         if (fd >= 0)
             close(fd);

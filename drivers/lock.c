@@ -191,7 +191,8 @@ static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what
     if (why)
         return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
                                 "cannot lock %s for this program: %s" ERROR_ADVICE
-                                "allow this program sockets (AF_UNIX) and more open files",
+                                "if this program runs as a service or in a container, allow it "
+                                "AF_UNIX sockets and more open files",
                                 what, g_strerror(why));
     while (kind == LOCK_ALONE && lock_holder(rescue, &pid)) {
         if (g_get_monotonic_time() > until)

@@ -107,7 +107,8 @@ static void add_hex(const guint8 *bytes, gsize n) {
     for (gsize i = 0; i < n; i += run) {
         for (run = 1; i + run < n && bytes[i + run] == bytes[i];)
             run++;
-        /* A run of other bytes may be part of a text that is hidden, so it is written in full. */
+        /* Only runs of 00 and of ff are shortened. A run of another byte may be part of a text that
+         * recording_hide() replaces later, and a shortened text would not be found. */
         if (run < MIN_RUN || (bytes[i] != 0 && bytes[i] != 0xff))
             run = 1;
         g_string_append_printf(recording.lines, "%s%02x", i ? " " : "", bytes[i]);

@@ -248,8 +248,9 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                      nominal->lasers[i].fixed);
     if (why)
         g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
-                    "%s: %s; a calibration is valid only for one rig, so calibrate this rig", path,
-                    why);
+                    "%s: %s; a calibration is valid only for one rig, so give that of this rig, or "
+                    "calibrate this rig",
+                    path, why);
     return !why;
 }
 

@@ -142,6 +142,12 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
         const int good = cameras_pictures_of(work, c);
         for (int i = 0; i < work->task->n_pictures; i++)
             all += work->seen[i].camera == c;
+        if (all < MIN_PICTURES && good == all && !cameras_is_predicted(work, c))
+            return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                                  "camera %s has %d pictures in the given sessions, but at least "
+                                  "%d are needed: also capture the board with this camera in "
+                                  "other positions, and give all sessions",
+                                  work->nominal.cameras[c].name, all, MIN_PICTURES);
         if (good < MIN_PICTURES && !cameras_is_predicted(work, c))
             return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
                                   "camera %s: only %d of the camera's %d pictures can be used, "

@@ -132,10 +132,11 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
         found += work->seen[i].corners != NULL;
         why = why ? why : work->seen[i].why;
     }
-    return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                          "position %d of the board must be captured again: no picture shows the "
-                          "board well enough (the board was found in %d of %d pictures)%s%s",
-                          lay + 1, found, all, why ? "; for example, " : "", why ? why : "");
+    return cameras_refuse(
+        error, CAMERAS_ERROR_PICTURES,
+        "the board of session %d, in the given order, must be captured again: no "
+        "picture shows it well enough (the board was found in %d of %d pictures)%s%s",
+        lay + 1, found, all, why ? "; for example, " : "", why ? why : "");
 }
 
 gboolean cameras_start_lays(struct cameras_work *work, GError **error) {

@@ -250,7 +250,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
         g_autofree char *what =
             line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("one of its lines is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                    "%s: this is not a calibration file: %s neither a [group] nor key=value; "
+                    "%s: this is not a calibration file: %s neither a [section] nor key=value; "
                     "correct the line, or give the right file",
                     path, what);
         return FALSE;

@@ -95,7 +95,9 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
     struct fields read = {0};
     memset(target, 0, sizeof *target);
     if (config && !section && config_has_all_sections(config))
-        config_lacks(mistakes, config, "the file has no section [target]; see etc/demo/poles.conf");
+        config_lacks(mistakes, config,
+                     "the file has no section [target]; see poles.conf and balls.conf in "
+                     "/usr/share/mesorig/demo");
     if (section && options_read(&(struct option_target){fields, &read}, 1, section, NULL, mistakes))
         take_fields(section, &read, target, mistakes);
     options_clear(fields, &read);

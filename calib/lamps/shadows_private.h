@@ -67,7 +67,9 @@ struct window { /* around the end of one shadow */
     int hidden, near_end;
     /* the window is around the top of the post itself, not around its shadow's end */
     gboolean body;
-    gboolean near; /* the foot's position is accurate; if FALSE, the foot moves with the end */
+    /* TRUE: the position of the post's foot is known accurately, so the fit moves only the end of
+     * the shadow. FALSE: the fit moves the foot together with the end. */
+    gboolean near;
 };
 
 #define SHADOW_SHAPE 5

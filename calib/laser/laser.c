@@ -210,9 +210,10 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
                         sweep_names[l.sweep], name, l.low_mm, l.high_mm, MIN_HEIGHTS);
         else if (MIN(l.n_low, l.n_high) < MIN_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                        "%s: laser %s is seen in %d pixel(s) at %.3f mm and in %d at %.3f mm, and "
-                        "at least %d are needed on each plane; expose longer, make the laser "
-                        "brighter, or put the plane in the cameras' view",
+                        "%s: laser %s is seen in %d pixel(s) of the plane at a height of %.3f mm "
+                        "and in %d of the plane at %.3f mm, and at least %d are needed on each "
+                        "plane; expose longer, make the laser brighter, or put the plane in the "
+                        "cameras' view",
                         sweep_names[l.sweep], name, l.n_low, l.low_mm, l.n_high, l.high_mm,
                         MIN_POINTS);
         else

@@ -273,7 +273,8 @@ static int cell_of(const struct board *board, const double mm[2], gboolean white
     return 2 * (CLAMP(y, 0, CELLS - 1) * CELLS + CLAMP(x, 0, CELLS - 1)) + (white ? 1 : 0);
 }
 
-/* Returns samples (struct sample) of the whole print except the places next to its edges. */
+/* Returns samples (struct sample) of the whole board, except at places that are next to an edge
+ * between black and white. */
 static GArray *gather(const struct look *look) {
     double size[2];
     board_size_mm(look->board, size);

@@ -163,7 +163,7 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
                 "the dark pairs that are not saturated all have one exposure, or there are none; "
-                "give dark pairs of two exposures, as far apart as the exposures of the session");
+                "give exposures in [capture] exposures_us that are far apart, and capture again");
     return FALSE;
 }
 
@@ -231,9 +231,9 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
             line_add(&line, p->mean, p->variance, (p->n - 1) / (2 * model * model));
         }
         if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error)) {
-            g_set_error(
-                error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                "all parts of all pictures are equally bright; give pairs of different exposures");
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+                        "all parts of all pictures are equally bright; give different exposures in "
+                        "[capture] exposures_us, each twice, and capture again");
             return FALSE;
         }
         if (!(slope > 0)) {
@@ -381,8 +381,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
                 "every part of the picture is dark or saturated at all exposures but two at most; "
-                "give more and shorter exposures, so that some part is lit and unsaturated at "
-                "three or more");
+                "give more and shorter exposures in [capture] exposures_us, so that some part is "
+                "lit and unsaturated at three or more");
     return FALSE;
 }
 
@@ -397,8 +397,9 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
                       GError **error) {
     if (n_dark < 2 || n_lit < 3) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                    "%d dark and %d lit pairs are too few; give at least two dark and three lit "
-                    "pairs of different exposures",
+                    "%d dark and %d lit pairs of pictures with equal exposures are too few, and "
+                    "two dark and three lit pairs are needed; give at least three different "
+                    "exposures in [capture] exposures_us, each twice, and capture again",
                     n_dark, n_lit);
         return FALSE;
     }

@@ -7,8 +7,8 @@ static char *board_option;
 static double margin_mm, pixels_a_mm = 10;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
-     "Numbers of squares across and down, size of squares and markers in mm. Without marker the "
-     "board is a chessboard. See mesorig(1)",
+     "Numbers of squares across and down, and their size and that of their markers in mm; without "
+     "marker= it is a chessboard; mesorig(1) also has grids of markers and of circles",
      "8x8,square=9,marker=6.75,dictionary=4x4_50"},
     {"margin", 0, 0, G_OPTION_ARG_DOUBLE, &margin_mm,
      "White margin around the board (0 if not given)", "MM"},

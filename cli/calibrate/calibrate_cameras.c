@@ -368,8 +368,8 @@ static void tell_arm(Record *to, const struct calibration *calibration,
     record_begin(to, "arm");
     record_say(to,
                "\n  arm: axis towards theta %.3f{axis_theta_deg}° phi %.3f{axis_phi_deg}°, through "
-               "%.2f %.2f %.2f mm; zero %+.4f{zero_deg}°; its stops differ "
-               "from that by %.4f{angle_rms_deg}° and %.3f{position_rms_mm} mm (RMS)",
+               "%.2f %.2f %.2f mm; zero %+.4f{zero_deg}°; the poses at its stops differ from turns "
+               "about this axis by %.4f{angle_rms_deg}° and %.3f{position_rms_mm} mm (RMS)",
                theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
                arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
                arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);

@@ -346,7 +346,7 @@ static gboolean fit(struct job *job, GError **error) {
             "%d of %u photographs show board and laser line, but at least %d must: take more "
             "photographs%s%s",
             n, n + job->base.rejected->len, LASER_PLANE_MIN,
-            job->base.rejected->len ? "; the first was left out: " : "",
+            job->base.rejected->len ? "; the first of those that were left out: " : "",
             job->base.rejected->len ? (char *)job->base.rejected->pdata[0] : "");
         return FALSE;
     }
@@ -408,7 +408,7 @@ static void tell(Record *to, const struct calibrate_job *base) {
     record_doubles(to, "covariance", &found->covariance[0][0], 16);
     record_say_strings(to, "rejected", "  left out: ", part->rejected);
     const struct residual residual = {
-        "the lines' distance from the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
+        "the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
         "a laser or camera that moved between photographs, a sheet of light or a board that is "
         "bent, an inaccurate calibration of the lens"};
     calibrate_warn_residual(base, &residual);

@@ -30,15 +30,17 @@
 static char *target_option;
 static const GOptionEntry entries[] = {
     {"target", 't', 0, G_OPTION_ARG_FILENAME, &target_option,
-     "Description of the target on the turntable, such as etc/demo/poles.conf or "
-     "etc/demo/balls.conf",
+     "Description of the target on the turntable, such as poles.conf or balls.conf in "
+     "/usr/share/mesorig/demo",
      "FILE"},
     CALIBRATE_OUTPUT("Write the result here"),
     CALIBRATE_FROM("Start from this calibration, in which the cameras are calibrated"),
     CALIBRATE_INCOMPLETE,
     CALIBRATE_FOUND,
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
-     "Instead of a session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
+     "Instead of a session: a folder of photographs (JPEG, PNG, TIFF, BMP, PGM, EXR, camera raw) "
+     "from one fixed camera",
+     "DIR"},
     {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
      "With --images: position and radius of a ball in pixels, accurate to 5 % of R; several balls "
      "also determine distances",
@@ -583,7 +585,7 @@ static gboolean find(struct calibrate_job *base, GError **error) {
     }
     /* If nothing was found, the reason of the first rejection explains the failure best. */
     if (!ok && base->rejected->len > 0)
-        g_prefix_error(&cause, "%s (the first of %u observations that were left out): ",
+        g_prefix_error(&cause, "%s (the first of %u sights that were left out): ",
                        (char *)base->rejected->pdata[0], base->rejected->len);
     if (find_mistake(job, &target, &cause) || !ok) {
         g_propagate_error(error, g_steal_pointer(&cause));

@@ -276,9 +276,9 @@ static gboolean contradict(const char *name, const int *balls, int n,
     else
         g_set_error(
             error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-            "%s: the balls contradict each other: ball %d shows the lamp %.1f° from where "
-            "the nearest other does, and no majority of them agrees; look at their circles and "
-            "highlights",
+            "%s: the balls contradict each other: the direction in which ball %d shows the lamp is "
+            "%.1f° from that of the nearest other ball, and no majority of them agrees; check "
+            "each --ball, and whether each highlight is that of the lamp",
             name, balls[worst] + 1, light->off_rad[worst] * DEG);
     return FALSE;
 }

@@ -73,9 +73,8 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
     if (end == MONITOR_LOST) {
         g_autofree char *log = link_log(link);
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
-                    "mesorigd has ended unexpectedly; committed frames are kept: continue with "
-                    "mesorig resume "
-                    "%s%s%s%s",
+                    "mesorigd has ended unexpectedly; the frames that it has stored are kept: "
+                    "continue with mesorig resume %s%s%s%s",
                     directory, again, *log ? "\nIts last messages:\n" : "", log);
         return CLI_FAILED;
     }
@@ -104,7 +103,8 @@ static int wait_for_products(Monitor *monitor, const char *directory, GError **e
         return CLI_DONE;
     case MONITOR_DETACHED:
         if (!cli_json)
-            g_print("mesorigd continues the processing: mesorig info %s\n", directory);
+            g_print("mesorigd continues the processing; mesorig info %s shows the products\n",
+                    directory);
         return CLI_DONE;
     case MONITOR_LOST:
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,

@@ -116,7 +116,8 @@ static int run_devices(const struct call *call, GError **error) {
     const struct command *command = call->command;
     struct finder_modbus modbus = {.first = 1, .last = 16};
     if (units_option && !parse_units(units_option, &modbus))
-        return cli_usage(command, "--units=%s: give a unit from 1 to 247, or a range as 1-16",
+        return cli_usage(command,
+                         "--units=%s: give an address from 1 to 247, or a range such as 1-16",
                          units_option);
     if (baud_option < 0)
         return cli_usage(command, "--baud=%d: give a speed above 0, such as 115200", baud_option);

@@ -60,8 +60,9 @@ static char *check_bank(const struct new_rig *rig) {
     const struct new_rig_way *bank = &new_rig_banks[rig->bank];
     if (rig->n_lamps <= bank->max_lamps)
         return NULL;
-    return g_strdup_printf("“%s” has at most %d lamps, not %d. Place further lamps in the section "
-                           "of a further bank",
+    return g_strdup_printf("“%s” has at most %d lamps, not %d. Choose another bank, or give fewer "
+                           "lamps and add the others to the rig file, in a further section "
+                           "[lamps NAME]",
                            bank->name, bank->max_lamps, rig->n_lamps);
 }
 
@@ -131,7 +132,8 @@ static char *take_way(const char *text, const struct new_rig_way *ways, int *ret
         if (strncmp(ways[i].name, text, n) != 0 || ways[i].name[n])
             continue;
         if (colon && !ways[i].question)
-            return g_strdup_printf("“%s” has no port, address or path", ways[i].name);
+            return g_strdup_printf("“%s” has no port, address or path: leave out “:” and the rest",
+                                   ways[i].name);
         *ret = i;
         *ret_place = colon && colon[1] ? g_intern_string(colon + 1) : NULL;
         return NULL;

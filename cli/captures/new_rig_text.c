@@ -139,8 +139,8 @@ static void append_gcode(GString *to, const struct new_rig *rig, const char *nam
     g_string_append_printf(
         to,
         "letter = %c\n# CHECK: units of the board in a degree; 1 if it counts degrees\n"
-        "units_per_deg = 1\n# CHECK: here: no switch, where the axis stands is home_deg. With a "
-        "switch: axis, or all for GRBL\nhoming = here\n",
+        "units_per_deg = 1\n# CHECK: “here” is for an axis without a switch: its present position "
+        "becomes home_deg.\n# With a switch: axis, or all for GRBL\nhoming = here\n",
         "XYZ"[n]);
 }
 

@@ -16,9 +16,9 @@ static char *output, *calibration, *curve, *like;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
-     "Use only the rig file; no device has to be connected", NULL},
+     "Ask no daemon and no device; values that only a device can tell are assumed", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Use this calibration instead of the one that the rig file names", "FILE"},
+     "Show this calibration in the last line instead of the one that the rig file names", "FILE"},
     {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve,
      "Draw the expected error of the BTF against the time for lamps, if [lights] sampling is "
      "adaptive (.svg or .png)",

@@ -113,7 +113,7 @@ static int run_add(const struct call *call, GError **error) {
         if (!options || !bus_rig1_call_queue_add_sync(link_rig(link), session, directory, options,
                                                       &number, &plan, NULL, error)) {
             if (i > 0)
-                g_prefix_error(error, "sessions added before this one: %d. ", i);
+                g_prefix_error(error, "sessions added: %d; the next one was not added: ", i);
             return CLI_FAILED;
         }
         record_begin(call->record, NULL);
@@ -177,7 +177,7 @@ static gboolean remove_ended(const struct call *call, BusRig1 *rig, GError **err
 
 static int run_remove(const struct call *call, GError **error) {
     if ((call->n_arguments == 0) != ended)
-        return cli_usage(call->command, "give numbers of sessions, or --ended");
+        return cli_usage(call->command, "give numbers of sessions or --ended, not both");
     g_autoptr(Link) link = queue_link(error);
     if (!link || (ended && !remove_ended(call, link_rig(link), error)))
         return CLI_FAILED;

@@ -74,11 +74,10 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
                one ? "one texel" : "the mean of ");
     record_say_if(to, !one, "%d{width} × %d{height} texels", result->width, result->height);
     record_add(to, "%" G_GINT64_FORMAT "{holes} %d{filled}", result->holes, result->filled);
-    record_say(
-        to,
-        ", in %g{:time}; beyond %.0f{lowest_deg}° nothing was measured; interpolated with an "
-        "error of %.2f{error:%%}\n",
-        seconds, result->lowest_deg, result->error);
+    record_say(to,
+               ", in %g{:time}; beyond %.0f{lowest_deg}° from the normal nothing was measured; the "
+               "interpolation has an error of %.2f{error:%%}\n",
+               seconds, result->lowest_deg, result->error);
     if (kind == BRDF_MERL)
         record_say(to,
                    "the file is isotropic and reciprocal; the material's values under rotated or "

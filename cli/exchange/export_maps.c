@@ -117,9 +117,9 @@ static void tell(const struct maps_export *export, double seconds, Record *to) {
     if (maps->lost)
         record_say(to, "  the next export will fit again: %s\n", maps->lost);
     record_say(to,
-               "  they differ from the BTF by %.2f{delta_e} CIEDE2000 on average (%.1f{error:%%} "
-               "RMS), in view %d{worst_view} under light %d{worst_light} by "
-               "%.1f{worst_delta_e}\n",
+               "  the maps differ from the BTF by %.2f{delta_e} CIEDE2000 on average "
+               "(%.1f{error:%%} RMS), and most in view %d{worst_view} under light "
+               "%d{worst_light}: by %.1f{worst_delta_e}\n",
                errors->delta_e, errors->relative_error, worst / errors->n_lights,
                worst % errors->n_lights, (double)errors->pairs[worst]);
     record_boolean(to, "core", maps->model == MAPS_MODEL_CORE);
@@ -128,7 +128,7 @@ static void tell(const struct maps_export *export, double seconds, Record *to) {
                (double)maps->fit->layers.sheen_roughness, (double)maps->fit->layers.coat_roughness,
                mdf ? "mdf" : "normals");
     record_say(to, "  heights of %.3g{relief_mm} mm from %s", maps->relief_mm,
-               mdf ? "the MDF" : "the normals, because no MDF has most of them");
+               mdf ? "the MDF" : "the normals, because the MDF is missing or has too many holes");
     record_double(to, "depth_mm", maps->depth_mm);
     record_say_if(to, maps->height_holes > 0,
                   ", %d{height_holes} texels are filled from their neighbours", maps->height_holes);
@@ -139,7 +139,7 @@ static void tell(const struct maps_export *export, double seconds, Record *to) {
     record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
     record_double(to, "real_s", seconds);
     if (maps->depth_mm != 0)
-        record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
+        record_say(to, "  the maps show the mean surface, %.2f mm below the reference plane\n",
                    maps->depth_mm);
     record_say_if(
         to, maps->specular_scale > 1,

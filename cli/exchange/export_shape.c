@@ -146,8 +146,8 @@ static int shape(const struct call *call, enum export_surface what, GError **err
         return by_fit(call, &export, error);
     if (maximum)
         return cli_usage(call->command,
-                         "--maximum is for height and normals of a PTM; %s is to be "
-                         "exported from its MDF",
+                         "--maximum is for height and normals of a PTM; %s has an MDF or no PTM: "
+                         "leave out --maximum",
                          export.session);
     if (!cli_work_write(to, write_surface, &export, &seconds, error))
         return CLI_FAILED;

@@ -26,7 +26,10 @@ OutputFile *exchange_output(const char *output, const struct exchange_format *fo
 }
 
 gboolean exchange_check_folder(const char *output, GError **error) {
-    return has_output(output, error) && cli_check_folder(output, error);
+    if (output == NULL)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "no folder to make is given: give -o DIR");
+    return output != NULL && cli_check_folder(output, error);
 }
 
 gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,

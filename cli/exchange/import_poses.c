@@ -31,14 +31,14 @@ static const GOptionEntry entries[] = {
     {"edge", 0, 0, G_OPTION_ARG_STRING, &edge,
      "What sweeps show: a line, or an edge behind which pixels are darker or lighter (line)",
      "line|darkens|lightens"},
-    {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn, "Minimum peak of a sweep, of 4095 (40)",
-     "DN"},
+    {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
+     "Minimum height of a sweep's peak above the background, in DN of 0 to 4095 (40)", "DN"},
     {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
      "Lamps whose directions differ by at most this angle are one light (0)", "DEG"},
     {"target", 0, 0, G_OPTION_ARG_NONE, &target,
      "The pictures show a calibration target: views need not have every light", NULL},
     {"template", 0, 0, G_OPTION_ARG_NONE, &template,
-     "Import nothing, but write a file of nominal values to fill in, for -c", NULL},
+     "Import nothing, but write to the file of -o nominal values to fill in, for -c", NULL},
     {NULL},
 };
 
@@ -63,7 +63,7 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
                   "not measured\n",
                   result->n_missing);
     record_say_if(to, result->not_numbers > 0,
-                  "%" G_GINT64_FORMAT "{not_numbers} pixels are not numbers\n",
+                  "%" G_GINT64_FORMAT "{not_numbers} pixels are not numbers; they are left out\n",
                   result->not_numbers);
     record_double(to, "real_s", seconds);
 }
@@ -117,13 +117,14 @@ static int run(const struct call *call, GError **error) {
                                             .target = target}};
     double seconds = 0;
     if (!output)
-        return cli_usage(command, "no session directory is given: give -o DIR.session");
+        return cli_usage(command, template ? "no file to write is given: give -o FILE"
+                                           : "no session directory is given: give -o DIR.session");
     if (template)
         return write_template(call, error);
     if (!calibration)
         return cli_usage(command,
-                         "no calibration of cameras and lamps is given: give --calibration FILE, "
-                         "which --template writes to be filled in");
+                         "no calibration of cameras and lamps is given: give --calibration FILE; "
+                         "--template writes such a file to fill in");
     const char *wrong = parse_grid(&import.poses.grid);
     if (wrong)
         return cli_usage(command, "%s", wrong);

@@ -18,7 +18,7 @@ static double seconds;
 
 static const GOptionEntry light_entries[] = {
     {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
-     "Switch it off after this time in seconds (with Ctrl-C)", "S"},
+     "Switch it off after this time in seconds; default: only Ctrl-C switches it off", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };

@@ -34,9 +34,9 @@ gboolean rig_link_open(Link *link, const char *rig, GError **error) {
         return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
     g_set_error(
         error, G_IO_ERROR, G_IO_ERROR_BUSY,
-        "the daemon of %s is not for the rig %s: it has %s open. Name the daemon of that rig "
-        "by --address or %s, or start one: mesorigd --listen unix:path=/tmp/NAME --rig %s "
-        "(“mesorig close %s” makes that daemon give its rig up)",
+        "the daemon of %s is not for the rig %s: it has %s open. Name the daemon of your rig by "
+        "--address or %s, or start one: mesorigd --listen unix:path=/tmp/NAME --rig %s; or let the "
+        "first daemon close its rig with “mesorig close %s”, and repeat this command",
         link_option(link), rig, open, BUS_CLIENT_VARIABLE, rig, link_option(link));
     return FALSE;
 }

@@ -91,7 +91,8 @@ static int run_snap(const struct call *call, GError **error) {
         show(frame, picture_way(STDOUT_FILENO));
     picture_report_tell(call->record, camera, frame, &report);
     if (!lamp && !laser && report.focus <= 0)
-        record_say(call->record, "no lamp was on: --lamp NAME switches one on meanwhile\n");
+        record_say(call->record,
+                   "the picture is dark: --lamp NAME switches a lamp on for the picture\n");
     if (output) {
         const gboolean halved = frame->cfa != CFA_MONO && g_str_has_suffix(output, ".png");
         record_say(call->record, "%s{file}%s\n", output,

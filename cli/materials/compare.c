@@ -268,9 +268,9 @@ static const GOptionEntry *entries(void) {
          ".png)",
          "FILE"},
         {"leave-out", 0, 0, G_OPTION_ARG_STRING, &leave_out_option,
-         "With one session: number of views and of lights that no method sees, or of one of them "
-         "(views=N, lights=N); a tenth of each. Or each: predict each light of one view from the "
-         "others",
+         "With one session: number of views and of lights that no method sees (a tenth of each); "
+         "views=N or lights=N leaves out only views or lights; each predicts each light of one "
+         "view from the others",
          "N"},
         {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
          "With one session: seed that draws the directions that are left out (1)", "N"},
@@ -317,14 +317,15 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command, "give --method or --curve, not both");
     if (g_strcmp0(leave_out_option, "each") == 0) {
         if (method_option || curve_option || seed_option != 1)
-            return cli_usage(call->command, "--leave-out=each needs no --method, --curve or "
-                                            "--seed: it compares bases of the light");
+            return cli_usage(call->command,
+                             "--leave-out=each compares ways to predict a light, not methods of "
+                             "compression: leave out --method, --curve and --seed");
         return compare_lights(a, call->record, error) ? CLI_DONE : CLI_FAILED;
     }
     if (leave_out_option && !left_out_parse(leave_out_option, &left_out))
         return cli_usage(call->command,
-                         "--leave-out: “%s” is not a number, such as 4, views=4 or lights=4, and "
-                         "not each",
+                         "--leave-out=%s: give a number, such as 4, views=4 or lights=4, or give "
+                         "each",
                          leave_out_option);
     if (!b && !curve_option)
         return run_methods(call, &left_out, error);

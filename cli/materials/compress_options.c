@@ -193,7 +193,9 @@ static gboolean set(const struct command *command, const struct given *given,
     const struct option *option = find(&asked->method, given->name);
     if (!option) {
         g_autofree char *names = method_names(given->name, ", ");
-        cli_usage(command, "--method=%s has no --%s; leave it out, or choose from: %s",
+        cli_usage(command,
+                  "--method=%s has no option --%s: leave that option out, or choose a method that "
+                  "has it: %s",
                   asked->method.name, given->name, names);
         return FALSE;
     }

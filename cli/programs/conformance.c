@@ -220,7 +220,7 @@ const struct command programs_conformance = {
     .help =
         "Test a program that is a device. Starts the program as mesorigd does, and checks each "
         "promise of docs/build-a-rig/programs.md. Lamps are switched on, an axis is moved, and a "
-        "camera takes pictures. Fails unless no check fails.",
+        "camera takes pictures. Fails if a check fails.",
     .options = entries,
     .max = MAX_ARGUMENTS,
     .run = run_conformance};

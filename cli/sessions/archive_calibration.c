@@ -12,7 +12,7 @@ struct calibration *archive_calibration(Session *session, struct archive_calibra
     struct calibration *calibration = calibration_from_text(with.text, with.where, error);
     if (calibration) {
         g_autofree char *line =
-            calibration_line(calibration, with.where, "mesorig process -c FILE gives them");
+            calibration_line(calibration, with.where, "mesorig process -c FILE gives one");
         *ret =
             (struct archive_calibration){g_steal_pointer(&with.where), NULL, with.own, with.mixed};
         ret->said = g_strdup_printf(

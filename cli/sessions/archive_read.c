@@ -410,7 +410,7 @@ static gboolean check_files(struct archive *archive, Session *session, const str
         if (!damages)
             return FALSE;
         archive_add_check(archive, damages->len ? ARCHIVE_FAILURE : ARCHIVE_PASS, "files",
-                          "%d %s have the SHA-256 with which they were committed, %u do not%s%s",
+                          "%d %s have the SHA-256 that the session lists, %u do not%s%s",
                           examined - (int)damages->len, i ? "products" : "frames", damages->len,
                           damages->len ? ": mesorig verify " : "",
                           damages->len ? archive->path : "");

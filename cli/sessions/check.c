@@ -128,8 +128,8 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
     record_say(
         to,
         "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
-        "%.2f %% hidden from all of them; %.2f{mdf_denied_share:%%} of what other views say of it "
-        "contradicts it\n",
+        "%.2f %% hidden from all of them; %.2f{mdf_denied_share:%%} of all answers of other views "
+        "contradict the view\n",
         percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
         percent(mdf->unknown, mdf->seen), mdf->denied_share);
     record_int(to, "line_sweeps", mdf->lines.sweeps);
@@ -164,15 +164,17 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
      * every session of a fine structure. */
     if (2 * sigma.large > sigma.known)
         record_say(to,
-                   "  in %d of %d pictures σ is more than %.0f %% of half of the values: %s reduce "
-                   "noise, more pixels per texel reduce the error at edges\n",
+                   "  in %d of %d pictures σ is more than %.0f %% of the value at half of the "
+                   "texels or more: %s reduce noise, more pixels per texel reduce the error at "
+                   "edges\n",
                    sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE,
                    too_long ? "other exposures (above)" : "longer exposures");
     if (sigma.worse > 0)
         record_say(to,
                    "  warning: in %d of %d pictures σ is more than twice what it is in most with "
-                   "the same polar angles, up to %.1f %% of half of the values (view %.1f° %.1f°, "
-                   "light %.1f° %.1f°): look at their exposures and at that lamp\n",
+                   "the same polar angles; in the worst of them, it is more than %.1f %% of the "
+                   "value at half of the texels (view %.1f° %.1f°, light %.1f° %.1f°): look at the "
+                   "exposures of these pictures and at that lamp\n",
                    sigma.worse, sigma.known, 100 * sigma.worse_relative, sigma.worse_view_theta_deg,
                    sigma.worse_view_phi_deg, sigma.worse_light_theta_deg,
                    sigma.worse_light_phi_deg);

@@ -103,7 +103,7 @@ static void tell_prediction(Record *to, Session *session) {
     record_say(to,
                "predicted  %d{left_out_pictures} of %d pictures, left out by the capture; expected "
                "error %.2f{prediction_error:%%} of the BTF. Pictures that were taken are predicted "
-               "from the others to %.2f{prediction_left_out_error:%%}, "
+               "from the others with an error of %.2f{prediction_left_out_error:%%}, "
                "%.1f{prediction_left_out_share:%%} of their values within 2 σ\n",
                known.left_out, known.pictures, known.error, known.left_out_error,
                known.left_out_share);

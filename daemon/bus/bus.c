@@ -39,7 +39,8 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     if (!bus_jobs_need_free(&bus->jobs, error) || !bus_need_absolute(path, error))
         return FALSE;
     if (bus->rig.devices) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is open: call CloseRig first",
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "the rig %s is open: close it first (“mesorig close”, or the method CloseRig)",
                     bus->rig.path);
         return FALSE;
     }

@@ -20,11 +20,12 @@ void bus_rig_clear(struct bus_rig *rig) {
 gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error) {
     if (rig->ending) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "the rig %s is being closed: call OpenRig again afterwards", rig->path);
+                    "the rig %s is being closed: open it again when it is closed", rig->path);
         return FALSE;
     }
     if (!rig->devices)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG,
+                    "no rig is open: open one first (mesorigd --rig RIG, or the method OpenRig)");
     return rig->devices != NULL;
 }
 

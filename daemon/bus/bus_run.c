@@ -194,7 +194,8 @@ static void show_beginning(struct bus_run *run, Capture *capture, const char *di
     g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
     g_autofree char *line = g_strconcat(run->address, "\n", NULL);
     if (!g_file_set_contents(control, line, -1, &error))
-        g_message("commands in other terminals cannot find this daemon by the session's folder: %s",
+        g_message("commands cannot find this mesorigd by the session's folder: %s; leave the "
+                  "folder out of the commands",
                   error->message);
     g_clear_error(&error);
     bus_rig1_set_session(run->rig->object, directory);

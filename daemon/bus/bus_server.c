@@ -316,7 +316,7 @@ BusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     g_autoptr(GError) why = NULL;
     server->announced = bus_client_announce(address, &why);
     if (why)
-        g_warning("commands find this daemon only with --address: %s", why->message);
+        g_warning("commands find this mesorigd only with --address=%s (%s)", address, why->message);
     return server;
 }
 

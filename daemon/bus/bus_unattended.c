@@ -474,7 +474,8 @@ void bus_unattended_changed(struct bus_unattended *at, const struct capture_stat
         at->held_by_fault = FALSE;
         if (!queue_pause(at->queue, NULL, NULL))
             bus_rig_report(at->rig, "warning", "queue",
-                           "the queue stays paused, because its file cannot be written");
+                           "the queue stays paused, because its file cannot be written: check the "
+                           "free space and the rights of its folder, then mesorig queue resume");
         show_queue(at);
     }
     if (ours && moment == MOMENT_FAULT)

@@ -138,8 +138,8 @@ int preparer_child(void) {
         ok = g_output_stream_write_all(to, g_variant_get_data(answer), g_variant_get_size(answer),
                                        NULL, NULL, NULL);
     } else {
-        g_printerr("mesorigd: --prepare is for mesorigd itself: it needs a request of the same "
-                   "version at its standard input\n");
+        g_printerr("mesorigd: --prepare is an internal option, with which mesorigd starts itself: "
+                   "leave it out\n");
     }
     g_free(work.text);
     g_free(work.path);

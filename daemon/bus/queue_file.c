@@ -219,8 +219,8 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
     } else if (info.st_uid != geteuid() || (info.st_mode & 022)) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-            "other users could have written this file, which belongs to user %u and has mode %04o: "
-            "check its contents, then give it to the user of mesorigd alone (chown, chmod go-w)",
+            "other users could have written this file: it belongs to user %u and has mode %04o, "
+            "but must belong to the user of mesorigd, and only that user may write to it",
             info.st_uid, (guint)info.st_mode & 07777);
     } else if (info.st_size > QUEUE_MAX_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,

@@ -313,7 +313,7 @@ gboolean capture_finish(Capture *capture, GError **error) {
     if (capture->state == CAPTURE_DONE || capture->state == CAPTURE_ABORTED)
         return device_error_set(
             error, DEVICE_ERROR_BUSY, NULL, "the session has ended already%s",
-            capture->state == CAPTURE_ABORTED ? "; resume it, then end it as good enough" : "");
+            capture->state == CAPTURE_ABORTED ? "; resume it first (mesorig resume)" : "");
     if (capture->state == CAPTURE_PAUSED) {
         capture_finish_now(capture);
         return TRUE;

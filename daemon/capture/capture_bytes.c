@@ -161,7 +161,7 @@ void capture_bytes_add(struct capture_bytes *bytes, const struct capture_session
     const gboolean full = left > (double)free_bytes;
     g_autofree char *text =
         g_strdup_printf("judging by the frames stored so far, the session will take about %s "
-                        "(expected before: %s), %s more%s%s%s",
+                        "(expected before: %s), of which %s are still to be stored%s%s%s",
                         size, before, more, full ? "; the disk has only " : "", full ? room : "",
                         full ? " free: make room, or the session will pause when it is full" : "");
     bytes->said = all;

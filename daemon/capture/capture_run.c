@@ -440,8 +440,9 @@ static void on_fault(const char *source, const char *reason, gboolean rig, gpoin
     capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
-/* Reports an unsafe device, even if no shots are being taken. If the session is paused, the report
- * is also added to the reason for the pause, so that a user who looks later sees it. */
+/* Reports an unsafe device, even if no shots are being taken, unless the reason for the pause says
+ * so already. If the session is paused, the report is also added to the reason for the pause, so
+ * that a user who looks later sees it. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))

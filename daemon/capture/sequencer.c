@@ -303,8 +303,8 @@ gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int 
     state->shortened++;
     state->retakes++;
     g_autofree char *why =
-        g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
-                        " µs; it is taken again at %" G_GINT64_FORMAT " µs",
+        g_strdup_printf("%.2g %% of the picture's pixels are saturated at %" G_GINT64_FORMAT
+                        " µs; the picture is taken again at %" G_GINT64_FORMAT " µs",
                         pct, us, us / 4);
     seq->hooks.retake(camera, why, sequencer_exposure_us(seq, shot, sub, state), seq->hooks.data);
     return TRUE;

@@ -153,7 +153,8 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
     event->message = dup_detail(owned, "message");
     g_queue_push_tail(&hooks->waiting, event);
     if (hooks->waiting.length > HOOKS_MAX_WAITING) {
-        g_warning("%d events wait, which is the maximum; the oldest one is dropped",
+        g_warning("%d events wait for the hooks, which is the maximum: no hook is run for the "
+                  "oldest event; make the hooks quicker, or reduce time_limit_s in hooks.conf",
                   HOOKS_MAX_WAITING);
         event_free(g_queue_pop_head(&hooks->waiting));
     }

@@ -26,10 +26,10 @@ static char *bus_kind, *listen_address, *rig_path, *queue_path, *safe_path, *gua
 static gboolean exit_with_client, prepare;
 
 static const GOptionEntry entries[] = {
-    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Own the name on this bus: system or session",
-     "BUS"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind,
+     "Serve clients on this message bus: system or session (system)", "BUS"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
-     "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
+     "Serve only clients of the same user, at unix:path=…, instead of on a message bus", "ADDRESS"},
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at the start", "FILE"},
     {"queue", 0, 0, G_OPTION_ARG_FILENAME, &queue_path,
      "Keep a queue of sessions in this file, and capture them", "FILE"},

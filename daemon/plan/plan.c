@@ -399,7 +399,7 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     const char *unit = b->conf->laser_stop == STOP_COVERED ? plan_mounted_by_hand(b) : NULL;
     if (unit)
         plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lasers", "stop",
-                       "covered needs lasers that stay where they are, and the unit %s is mounted "
+                       "covered needs lasers that stay where they are, and laser %s is mounted "
                        "by hand at several places: set stop = all",
                        unit);
     return unit == NULL;
@@ -457,7 +457,7 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "budget_min",
                    "%g min are too few for the first round, whose %d shots take %.2f min: give at "
-                   "least that many, or reduce first, which is %d",
+                   "least that many, or reduce [lights] first, which is %d",
                    conf->light_budget_min, n, ceil(min_s / 0.6) / 100, conf->light_first);
     return FALSE;
 }
@@ -661,8 +661,8 @@ static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most,
     plan_set_error(
         error, PLAN_ERROR_SIZE, b->conf, "views", NULL,
         "these directions need %" G_GUINT64_FORMAT
-        " %s, and a plan has at most %d: give fewer, or rings of counts and offsets that "
-        "share angles",
+        " %s, and a plan has at most %d: give fewer directions, or choose counts and offsets with "
+        "which the rings share angles of turntable and arc",
         n, what, most);
     return FALSE;
 }

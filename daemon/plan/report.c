@@ -98,7 +98,7 @@ static char *size_range(GVariant *report, guint64 least, guint64 most) {
     if (get_int(report, "lasers") > 0)
         g_string_append_printf(by, "%show much the cameras see of the laser's lines",
                                by->len ? " and " : "");
-    return g_strdup_printf("%s to %s of frames, by %s", min_text, max_text, by->str);
+    return g_strdup_printf("%s to %s of frames, depending on %s", min_text, max_text, by->str);
 }
 
 /* With [capture] motion = continuous, adds a line about the passes and a line with the predicted

@@ -88,9 +88,9 @@ const char *const auto_key_names[AUTO_KEYS] = {
 
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
-     .help = "Exposures of one bracket under a lamp, ascending, at most twelve; auto, which "
-             "laser_exposure_us and laser_short_us also accept: chosen from test shots before the "
-             "capture"},
+     .help = "Exposures of one bracket under a lamp, ascending, at most twelve; or auto: they are "
+             "chosen from test shots before the capture. laser_exposure_us and laser_short_us also "
+             "accept auto"},
     {"auto_longest_us", OPTION_DOUBLE, "us", 100, 60e6, "100000", .offset = CONF(auto_longest_us),
      .help = "The longest exposure that auto may choose"},
     {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = CONF(gain_db),

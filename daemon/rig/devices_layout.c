@@ -300,7 +300,7 @@ static gboolean wire_lamp(struct layout *layout, int i, int bank, int index, con
         if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == index)
             return config_mistake(
                 mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], key,
-                "lamp %d of %s is [lamp %s] already, in line %d; correct one of the "
+                "lamp %d of %s is already used for the lamp %s, in line %d; correct one of the "
                 "two",
                 index, layout->banks[bank].section->name, layout->geometry.lamps[k].name,
                 layout->lamps[k]->line);

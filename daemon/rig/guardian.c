@@ -265,7 +265,7 @@ gboolean guardian_answers(Guardian *guardian, GError **error) {
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "the guardian of %s does not answer, so nobody would switch a laser "
                             "off if this program died" ERROR_ADVICE
-                            "it is being started again: try again in a few seconds",
+                            "the guardian is being started again: try again in a few seconds",
                             guardian->rig_path);
 }
 

@@ -132,7 +132,8 @@ static gboolean set_vector(struct lamp_place *lamp, const double v[3], double di
 static gboolean check_number(const GArray *lamps, const char *path, int line, GError **error) {
     return lamps->len < RIG_MAX_LAMPS ||
            data_error_fail(path, line, error,
-                           "there are more than %d lamps, which is the maximum; remove the others",
+                           "there are more than %d lamps, which is the maximum; remove this one "
+                           "and those after it",
                            RIG_MAX_LAMPS);
 }
 
@@ -384,7 +385,8 @@ static gboolean check_keys(const struct bank_fields *fields, const struct config
         (g_str_equal(key, "positions") && fields->distance_mm == 0))
         return TRUE;
     return config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "distance_mm",
-                          "must be given, as %g to %g mm", MIN_DISTANCE_MM, MAX_DISTANCE_MM);
+                          "must be given, and must be from %g to %g mm", MIN_DISTANCE_MM,
+                          MAX_DISTANCE_MM);
 }
 
 /* Gives names and indices to the lamps that have none. */

@@ -354,9 +354,11 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
                  repaired.doubts->len ? "; " : "", repaired.doubts->str);
     else if (repaired.doubts->len)
         set_text(ret_text, job,
-                 "NOT safe: the device that its section names is %s, read back, but it may be "
-                 "another device: %s%s%s",
-                 done, repaired.doubts->str, *notes ? "; " : "", notes);
+                 "NOT safe: the device that its section names %s, %s, but it may be another "
+                 "device: %s%s%s",
+                 is_axis(job) ? "stands" : "is off",
+                 job->info->confirmed ? job->info->confirmed : "read back", repaired.doubts->str,
+                 *notes ? "; " : "", notes);
     else
         set_text(ret_text, job, "%s, %s%s%s", done,
                  job->info->confirmed ? job->info->confirmed : "read back", *notes ? "; " : "",

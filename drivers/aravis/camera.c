@@ -125,8 +125,8 @@ static void camera_on_frame(Frame *frame, gpointer data) {
     camera_report_fault(
         camera,
         device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
-                         "it was still exposing %.1f ms after it had begun to send" ERROR_ADVICE
-                         "increase trigger_ms by %.1f",
+                         "it was still exposing %.1f ms after the end that trigger_ms and the "
+                         "exposure time give" ERROR_ADVICE "increase trigger_ms by %.1f",
                          (double)over_us / 1e3, (double)over_us / 1e3));
 }
 

@@ -60,8 +60,8 @@ static gboolean connect_ask(const char *ip, guint32 *ret_control, GInetAddress *
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (fd < 0)
         return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                "no socket can be opened for the camera at %s: %s" ERROR_ADVICE
-                                "close other programs",
+                                "cannot open a network connection to the camera at %s: "
+                                "%s" ERROR_ADVICE "end other programs on this computer",
                                 ip, g_strerror(errno));
     gboolean routed = connect(fd, (struct sockaddr *)&to, sizeof to) == 0 &&
                       getsockname(fd, (struct sockaddr *)&ours, &size) == 0;

@@ -81,8 +81,8 @@ gboolean gphoto2_scan(GPtrArray *to, GError **error) {
         return FALSE;
     if (!read_output(pid, out, text, &status)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
-                    "libgphoto2 did not list the still cameras within %d s; unplug the last device "
-                    "that was connected",
+                    "libgphoto2 did not list the still cameras within %d s; unplug the USB device "
+                    "that was connected last, then try again",
                     (int)(LIST_US / G_USEC_PER_SEC));
         return FALSE;
     }

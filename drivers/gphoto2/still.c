@@ -155,7 +155,7 @@ static gboolean find_only(Names *found, char **ret_port, GError **error) {
         g_string_append_printf(names, "%s%s (%s)", i ? ", " : "", place, found_model(found, i));
     }
     if (n > 1)
-        return fail(error, "there are several cameras on USB; choose one with port: %s",
+        return fail(error, "there are several cameras on USB: %s; choose one with the key port",
                     names->str);
     return fail(error,
                 "no camera was found on USB; connect it, switch it on, and see that no other "
@@ -409,7 +409,7 @@ static gboolean card_is_full(Still *still) {
 
 static gboolean check_card(Still *still, GError **error) {
     return !card_is_full(still) ||
-           fail(error, "the card of the camera is full; copy its pictures and format it");
+           fail(error, "the card of the camera is full; copy the pictures and format the card");
 }
 
 static gboolean check_battery(Still *still, GError **error) {
@@ -530,7 +530,8 @@ Still *still_open(const struct still_options *options, GError **error) {
         !apply(still, error) || !list_exposures(still, error))
         return NULL;
     if (found->len > 0)
-        g_printerr("mesorig-gphoto2: %u pictures are on the card already\n", found->len);
+        g_printerr("mesorig-gphoto2: %u pictures are on the card already; they stay there\n",
+                   found->len);
     still->model = read_model(still);
     still->serial = read_serial(still);
     return g_steal_pointer(&still);

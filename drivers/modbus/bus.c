@@ -301,7 +301,8 @@ void modbus_bus_skip(ModbusBus *bus, gpointer data, int tag) {
                 continue;
             task->job.skipped = TRUE;
             device_error_set(&task->error, DEVICE_ERROR_BUSY, NULL,
-                             "%s unit %d: not sent, because an \"off\" or a stop came first",
+                             "%s unit %d: the command was not sent, because an \"off\" or a stop "
+                             "came first",
                              bus->key, task->unit);
             g_queue_delete_link(queue, item);
             g_queue_push_tail(&bus->results, task);

@@ -85,11 +85,10 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
                      GPtrArray *to) {
     g_autofree char *address = g_strdup_printf("%s, unit %d", link->bus, unit);
     g_autofree char *bits = g_strdup_printf("%d coils", coils);
-    g_autofree char *what = g_strdup_printf(
-        "answers to %s%s%s", registers ? "registers" : "", registers && coils ? " and " : "",
-        coils       ? bits
-        : registers ? ""
-                    : "other registers and coils than the first");
+    g_autofree char *what =
+        registers || coils ? g_strdup_printf("answers to %s%s%s", registers ? "registers" : "",
+                                             registers && coils ? " and " : "", coils ? bits : "")
+                           : g_strdup("answers, but its first register and coil cannot be read");
     struct found *found = found_add(to, "modbus", address, what, NULL);
     g_autoptr(GString) section = g_string_new(NULL);
     /* A unit with coils is taken as a relay board, even if it has registers: relay boards have

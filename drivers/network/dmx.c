@@ -91,12 +91,14 @@ void dmx_check(const struct dmx *dmx, const struct dmx_protocol *protocol,
                        DMX_CHANNELS);
     else if (dmx->start - 1 + n_channels(dmx) > DMX_CHANNELS)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "start",
-                       "lamp 0 does not fit: its %d channels from channel %d end after channel %d",
+                       "lamp 0 does not fit: its %d channels from channel %d on would end after "
+                       "channel %d, the last of a universe; give a lower start",
                        n_channels(dmx), dmx->start, DMX_CHANNELS);
     else if (dmx->universe + dmx_count_universes(dmx) - 1 > protocol->max_universe)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "universe",
-                       "%d lamps need %d universes, and the last universe of %s is %d", dmx->n,
-                       dmx_count_universes(dmx), protocol->name, protocol->max_universe);
+                       "%d lamps need %d universes from this one on, but the last universe of %s "
+                       "is %d; give a lower universe or fewer lamps",
+                       dmx->n, dmx_count_universes(dmx), protocol->name, protocol->max_universe);
     if (dmx->levels.n > 1 && dmx->levels.n != dmx->n)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "levels",
                        "has %d numbers for %d lamps; give one number or one for each lamp",

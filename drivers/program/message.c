@@ -50,8 +50,8 @@ static gboolean take(JsonObject *object, struct message *ret, GError **error) {
     const char *values = id ? "result" : "params";
     if (id && json_node_get_int(id) < 1)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "answered the request %" G_GINT64_FORMAT
-                                ", but requests are numbered from 1",
+                                "sent an answer with the id %" G_GINT64_FORMAT
+                                ", but the ids of requests begin at 1",
                                 json_node_get_int(id));
     if (!id && !is_event && !failure)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
@@ -121,7 +121,7 @@ gboolean message_number(JsonObject *values, const char *name, double min, double
     JsonNode *node = whole ? whole : member(values, name, G_TYPE_DOUBLE);
     if (!node)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "did not answer the number “%s”", name);
+                                "sent an answer without the number “%s”", name);
     const double value = json_node_get_double(node);
     if (!isfinite(value) || value < min || value > max)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
@@ -153,7 +153,8 @@ static gboolean read_boolean(JsonNode *node, gboolean *ret) {
 gboolean message_boolean(JsonObject *values, const char *name, gboolean *ret, GError **error) {
     return read_boolean(json_object_get_member(values, name), ret) ||
            device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                            "did not answer whether “%s” is true or false", name);
+                            "sent an answer in which “%s” is missing or neither true nor false",
+                            name);
 }
 
 gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean *ret,
@@ -162,7 +163,8 @@ gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean 
     JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;
     if (!array || json_array_get_length(array) != (guint)n)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "did not answer “%s” as an array of %d values", name, n);
+                                "sent an answer in which “%s” is not an array of %d values", name,
+                                n);
     for (guint i = 0; i < (guint)n; i++)
         if (!read_boolean(json_array_get_element(array, i), &ret[i]))
             return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
@@ -190,7 +192,7 @@ gboolean message_integers(JsonObject *values, const char *name, gint64 min, gint
     }
     if (n == 0)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "did not answer “%s” as an array of numbers", name);
+                                "sent an answer in which “%s” is not an array of numbers", name);
     *ret = g_steal_pointer(&numbers);
     *ret_n = (int)n;
     return TRUE;

@@ -96,7 +96,7 @@ void program_name_error(const Program *program, GError **error) {
     if (error && *error && (*error)->domain == DEVICE_ERROR && !error_details_advice(*error)) {
         GError *named = device_error_new((enum device_error)(*error)->code, program->device->who,
                                          "%s %s" ERROR_ADVICE
-                                         "correct the program by docs/build-a-rig/programs.md",
+                                         "correct the program (see docs/build-a-rig/programs.md)",
                                          name_of(program), (*error)->message);
         g_error_free(*error);
         *error = named;

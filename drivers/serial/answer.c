@@ -375,9 +375,10 @@ const char *gcode_error_text(int number) {
         [2] = "damaged number" ERROR_ADVICE "check the cable, then home it",
         [3] =
             "unknown command" ERROR_ADVICE "if it was a command to home one axis, set homing = all",
-        [5] = "homing is off in the board" ERROR_ADVICE "set $22=1, or homing = here",
+        [5] = "homing is off in the board" ERROR_ADVICE
+              "set $22=1 in the board, or homing = here in the rig file",
         [7] = "the board could not read its settings and has set the defaults" ERROR_ADVICE
-              "set them again",
+              "write your settings into the board again, then home it",
         [8] = "the board still moves" ERROR_ADVICE "wait until it stands, then home it",
         [9] = "the board is locked by an alarm" ERROR_ADVICE "home it",
         [13] = "the safety door is open" ERROR_ADVICE "close it, then home it",

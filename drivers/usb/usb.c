@@ -335,7 +335,8 @@ void usb_close(UsbDevice *usb) {
     }
     usb->context->devices = g_list_remove(usb->context->devices, usb);
     if (usb->flying) {
-        g_warning("%s: the kernel did not return its USB requests; they stay with the kernel",
+        g_warning("%s: the kernel did not return its USB requests, so the device stays open; if it "
+                  "cannot be opened again, restart this program",
                   usb->who);
         return;
     }

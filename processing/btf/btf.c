@@ -7,7 +7,7 @@
 
 #include "base/data_error.h"
 
-#define AGAIN "; delete the file and process again"
+#define AGAIN "; delete the file and process again, or import again"
 
 /* For each flag, the attribute that counts the texels with this flag. */
 static const struct {

@@ -75,7 +75,8 @@ static gboolean take_part(struct btf_shared *shared, GError **error) {
     btf->values = g_try_new0(float, mine *n * btf->layout.views.n + 1);
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: the memory for this process's %zu texels was refused; use more processes",
+                    "%s: the memory for this process's %zu texels was refused; use processes on "
+                    "more computers",
                     btf->directory, mine);
     return btf->values != NULL;
 }

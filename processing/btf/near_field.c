@@ -10,7 +10,7 @@
 #include "btf_matrix_private.h"
 
 #define DEGREE       (G_PI / 180)
-#define AGAIN        "; delete the file and process again"
+#define AGAIN        "; delete the file and process again, or import again"
 #define MAX_EXPONENT 1000
 
 void near_field_free(struct near_field *near_field) {

@@ -47,8 +47,8 @@ const struct codec *codecs_of_file(const char *path, GError **error) {
                     path);
     else if (!codec)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: mesorig.kind “%s” is not a codec; give a session or a file that “mesorig "
-                    "compress” wrote",
+                    "%s: the file is of kind “%s”, which is not a compressed BTF; give a session "
+                    "or a compressed BTF",
                     path, kind);
     exr_file_free(file);
     return codec;

@@ -12,7 +12,7 @@
 
 #define COLOURS 3
 
-#define AGAIN "; process the session again"
+#define AGAIN "; delete the file and process again, or import again"
 
 static const char *const channels[] = {"R", "G", "B"};
 

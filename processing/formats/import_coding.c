@@ -194,7 +194,8 @@ static struct import_picture *decode(const struct import_set *set, const struct 
         if (bits && number > white) {
             data_error_set(
                 set->table, row->line, error,
-                "%s has a pixel of %g, but the largest number of %d bits is %g; give more bits",
+                "%s has a pixel of %g, but the largest number of %d bits is %g; write a larger "
+                "number in the column bits",
                 name, number, coding->bits, white);
             return NULL;
         }

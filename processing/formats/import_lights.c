@@ -79,8 +79,11 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
     g_array_append_val(list->lights, light);
     if (length < MIN_LENGTH)
         return data_error_fail(list->path, line, error,
-                               "the direction %g %g %g is too short; give x, y, z of a vector of "
-                               "length 1",
+                               list->placed
+                                   ? "the lamp at %g, %g, %g mm is in the middle of the sample; "
+                                     "give its position as x_mm, y_mm and z_mm"
+                                   : "the direction %g %g %g is too short; give x, y, z of a "
+                                     "vector of length 1",
                                d[0], d[1], d[2]);
     if (d[2] < -HORIZON * length)
         return data_error_fail(list->path, line, error,
@@ -265,8 +268,8 @@ static gboolean check_horizon(const struct list *list, GError **error) {
     return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MAX_ON_IT * list->lights->len)) ||
            data_error_fail(
                list->path, first->line, error,
-               "this is the first of %u of %u lights that are not above the sample; z "
-               "must be the height above the sample, or theta the angle from the normal",
+               "%u of %u lights are not above the sample, and this is the first of them; z must "
+               "be the height above the sample, or theta the angle from the normal",
                n, list->lights->len);
 }
 

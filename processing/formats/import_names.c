@@ -321,10 +321,11 @@ static GPtrArray *names_beside(const struct pictures *pictures, const char *list
                    : NULL;
     data_error_set(list, 0, error,
                    "the list has %u directions without names of pictures, but %s has %u "
-                   "pictures%s%s; remove the pictures that do not belong to the list, or write a "
-                   "picture's name before each direction",
+                   "pictures%s%s; %s, or write a picture's name before each direction",
                    n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
-                   names->len ? (const char *)names->pdata[names->len - 1] : "");
+                   names->len ? (const char *)names->pdata[names->len - 1] : "",
+                   names->len > n ? "remove the pictures that do not belong to the list"
+                                  : "add the missing pictures");
     return NULL;
 }
 

@@ -407,8 +407,8 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
     g_set_error(
         error, DATA_ERROR, DATA_ERROR_INVALID,
         "camera %s at turntable %.6g°: %d of %d texels are not in the picture of %d × %d pixels; "
-        "point the camera at the sample and calibrate it, or make [sample] smaller in "
-        "the session",
+        "point the camera at the sample and calibrate it, or give a smaller sample ([sample] in "
+        "the session file; --sample of “mesorig import poses”)",
         camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
         camera->width, camera->height);
     return NULL;

@@ -153,7 +153,8 @@ struct maps_clusters {
     struct maps_parameters medians[MAPS_CLUSTERS]; /* the median of each parameter */
     /* Whether the cluster is a metal. The share of the diffuse part in a texel's reflectance has a
      * median over the cluster. If this median is below MAPS_METAL, the cluster is a metal. Texels
-     * of a metal have metallic 1, other texels 0. */
+     * of a metal have metallic 1, other texels 0. In the core model no cluster is a metal, because
+     * metallic is fitted. */
     gboolean metal[MAPS_CLUSTERS];
 };
 #define MAPS_METAL 0.08F

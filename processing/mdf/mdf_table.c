@@ -95,10 +95,13 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
         seen += distance[k] >= 0.0f;
         t->deepest_mm = MAX(t->deepest_mm, (double)depth[k]);
     }
-    if (seen == 0)
-        return mdf_table_fail(error, part,
-                              "no laser position saw a texel of this view; capture the view again, "
-                              "unless the file is damaged");
+    if (seen == 0) {
+        g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
+                    "part “%s”: no laser position saw a texel of this view; capture its laser "
+                    "sweeps again or, if the file is damaged, copy it again",
+                    part->name);
+        return FALSE;
+    }
     mdf_table_fill(depth, t->width, t->height);
     return TRUE;
 }
@@ -143,8 +146,8 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "the file has no view" AGAIN);
     } else if ((gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
-                    "%d × %d texels of %u views are too many: all views together may have %d; "
-                    "process the session with fewer texels",
+                    "%d × %d texels of %u views are too many: all views together may have at most "
+                    "%d texels; process the session with fewer texels",
                     first->width, first->height, file->parts->len, MDF_TABLE_MAX_TEXELS);
     } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
         t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);

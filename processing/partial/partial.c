@@ -117,7 +117,7 @@ static gboolean load(Partial *partial, const char *directory, GError **error) {
     if (partial->views->len == 0 || partial->lights->len == 0 || partial->grid.width < 1 ||
         partial->grid.height < 1) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s has no pictures under lamps: its plan has %u views and %u lights",
+                    "%s: the plan has %u views and %u lights, so that there is no picture to show",
                     directory, partial->views->len, partial->lights->len);
         return FALSE;
     }

@@ -244,10 +244,11 @@ static void explain_dark(Session *session, const struct texts *texts, const GArr
     g_autofree char *which = name_views(texts, n, (int)seen->len, first);
     const struct rig_camera *camera = &texts->calibration->rig.cameras[first->view->device];
     if (!isfinite(dn))
-        g_ptr_array_add(ret, g_strdup_printf("%s dark, and no frame of the first can be read; look "
-                                             "whether the lens of camera %s is open and the lamps "
-                                             "are on",
-                                             which, camera->name));
+        g_ptr_array_add(
+            ret, g_strdup_printf("%s dark, and no frame of the first can be read; “mesorig "
+                                 "verify” names damaged files; if there are none, look "
+                                 "whether the lens of camera %s is open and the lamps are on",
+                                 which, camera->name));
     else if (dn < DARK_DN)
         g_ptr_array_add(
             ret, g_strdup_printf("%s dark: a picture of the first is %.2g DN above dark at %g µs; "

@@ -80,8 +80,8 @@ static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_inp
         const float *values = frame ? exr_part_plane(frame, "Y") : NULL;
         if (!frame) {
             if (!g_file_test(path, G_FILE_TEST_EXISTS))
-                g_prefix_error(error, "laser lines can be found in pictures only if the session "
-                                      "was captured with keep_laser_frames = yes: ");
+                g_prefix_error(error, "--laser-lines=pictures needs a session that was captured "
+                                      "with keep_laser_frames = yes; leave this option out: ");
             return FALSE;
         }
         if (!values)

@@ -132,8 +132,8 @@ gboolean prediction_rows_take(const Prediction *prediction, const float *probes,
     if (ret->n == 0)
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INVALID,
-            "none of the %d sampled texels and colours has a value for each of the %d "
-            "measured pairs of directions; capture pictures with pixels that are not finite again",
+            "none of the %d sampled texels and colours has a finite value in each of the %d "
+            "captured pairs of view and light; capture the pictures that lack values again",
             3 * n_probes, prediction->n_measured);
     return ret->n > 0;
 }

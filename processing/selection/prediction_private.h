@@ -42,7 +42,7 @@ struct prediction {
     float *weights;   /* n_missing × n_measured */
     double *variance; /* n_missing: k_uu − k_uᵀ K⁻¹ k_u, without s² */
     double *squares;  /* n_pairs: mean of g² s² over the rows of probes */
-    double energy;    /* mean over the rows of probes of Σ ρ², the sum over all pairs */
+    double energy;    /* Σ ρ² over all pairs of a row; mean over the rows of probes */
     /* Factors on variances, from cross-validation. excess_rms is the sum of the squared errors
      * divided by the sum of the variances. If variances are multiplied by excess_95, 95 % of the
      * errors are within 2 σ. */

@@ -49,7 +49,7 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     if (part->width != input->width || part->height != input->height) {
         data_error_set(input->path, 0, error,
                        "the frame has %d × %d pixels, but its camera has %d × %d in the session's "
-                       "calibration; check which file was moved or replaced",
+                       "calibration; restore the session from a copy",
                        part->width, part->height, input->width, input->height);
         return NULL;
     }
@@ -71,16 +71,13 @@ const float *input_mosaic(const char *path, struct exr_part *part, const char **
     if (strcmp(*ret_cfa, "rgb") != 0) {
         const float *mosaic = exr_part_plane(part, "Y");
         if (!mosaic)
-            data_error_set(path, 0, error,
-                           "part %s lacks channel Y; capture or import this frame again",
-                           part->name);
+            data_error_set(path, 0, error, "part %s lacks channel Y" DELETE, part->name);
         return mosaic;
     }
     const float *red = exr_part_plane(part, "R"), *blue = exr_part_plane(part, "B");
     float *mosaic = exr_part_plane(part, "G");
     if (!red || !mosaic || !blue) {
-        data_error_set(path, 0, error,
-                       "part %s lacks channel %s; capture or import this frame again", part->name,
+        data_error_set(path, 0, error, "part %s lacks channel %s" DELETE, part->name,
                        !red      ? "R"
                        : !mosaic ? "G"
                                  : "B");

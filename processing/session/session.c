@@ -76,7 +76,7 @@ static gboolean session_start(Session *session, GError **error) {
         return session_fail(error, SESSION_ERROR_FORMAT, "%s: no session there: %s", session->path,
                             g_file_test(session->path, G_FILE_TEST_EXISTS)
                                 ? "it is a file; give the directory of a session"
-                                : "there is no such directory; give that of a session");
+                                : "there is no such directory; give the directory of a session");
     /* Only a directory with session.db is locked, so that other directories do not get a lock
      * file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&

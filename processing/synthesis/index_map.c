@@ -97,8 +97,9 @@ static gboolean take(struct index_map *map, const struct exr_part *part, int lev
         const float at = planes[i % 2][i / 2];
         if (!(at >= 0) || at >= (float)most[i % 2] || at != floorf(at))
             return fail(path, error,
-                        "part \"%s\" refers to %s %g, but the sample has %d, counted from 0",
-                        part->name, i % 2 ? "row" : "column", (double)at, most[i % 2]);
+                        "part \"%s\" refers to %s %g, but the sample has the %s 0 to %d",
+                        part->name, i % 2 ? "row" : "column", (double)at,
+                        i % 2 ? "rows" : "columns", most[i % 2] - 1);
         map->levels[level][i] = (guint16)at;
     }
     return TRUE;
@@ -125,7 +126,8 @@ static struct index_map *of_head(const struct exr_part *part, const char *path, 
         fail(path, error, "texel_mm is missing or not above 0");
     else
         ok = (part->width <= INDEX_MAP_MAX && part->height <= INDEX_MAP_MAX) ||
-             fail(path, error, "the map has %d × %d texels, but may have %d in each dimension",
+             fail(path, error,
+                  "the map has %d × %d texels, but may have at most %d in each dimension",
                   part->width, part->height, INDEX_MAP_MAX);
     return ok ? index_map_new(part->width, part->height, width, height, texel_mm, method) : NULL;
 }

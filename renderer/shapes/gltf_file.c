@@ -112,8 +112,8 @@ static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError 
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_equal(name, "KHR_lights_punctual") && !g_str_has_prefix(name, "EXT_texture_")))
             return gltf_bad(gltf, error,
-                            "it needs the extension %s, which cannot be read; save the file "
-                            "without compression",
+                            "it needs the extension %s, which cannot be read; export the file "
+                            "again without this extension (for a compressed mesh: uncompressed)",
                             name != NULL ? name : "(no name)");
     }
     return TRUE;

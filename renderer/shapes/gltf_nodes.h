@@ -31,7 +31,7 @@ gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **
 /* Called for a primitive of a mesh. Returns FALSE with an error on failure. */
 typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer data,
                             GError **error);
-/* Calls use for every primitive of a mesh. Stops and returns FALSE when a call fails. */
+/* Calls `use` for every primitive of a mesh. Stops and returns FALSE when a call fails. */
 gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
                              GError **error);
 

@@ -206,7 +206,8 @@ static gboolean part_add(struct gltf *gltf, JsonObject *primitive, gpointer data
                         ", but the file has %u materials, counted from 0; export the file again",
                         material, scene->materials->len);
     if (scene->parts->len >= MAX_PARTS)
-        return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error, "it has more than %d parts; join some",
+        return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
+                         "it has more than %d primitives; join meshes of the same material",
                          MAX_PARTS);
     struct soup soup;
     soup_init(&soup);

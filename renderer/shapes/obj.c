@@ -64,8 +64,9 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         skip_blanks(&text);
         double value = *text == '\n' || *text == '\0' ? NAN : g_ascii_strtod(text, &end);
         if (!(fabs(value) <= MAX_VALUE) || end == text)
-            return obj_bad(obj, error, "%d finite numbers are expected here; export the mesh again",
-                           n);
+            return obj_bad(obj, error,
+                           "%d numbers within ±%g are expected here; export the mesh again", n,
+                           MAX_VALUE);
         values[k] = value;
         text = end;
     }

@@ -46,8 +46,8 @@ static GArray *series_give_up(enum series_error code, const char *session, GArra
     if (code == SERIES_ERROR_ENDED)
         g_set_error(
             error, SERIES_ERROR, code,
-            "%s: its capture has ended with %d of %u views; give --series a smaller share of "
-            "the views, or leave it out",
+            "%s: its capture has ended with %d of %u views; give --series only percentages that "
+            "the capture reached, or leave --series out",
             session, n, views->len);
     else
         g_set_error(

@@ -67,7 +67,7 @@ const struct setting settings_table[SETTINGS] = {
                            "Azimuth of the light from +x, default 200: from the left"},
     [SETTING_LIGHT_BRIGHTNESS] = {"light-brightness", "brightness", SETTING_NUMBER,
                                   AT(settings.lamp), 0.0, 4.0, "%.2f", "FACTOR",
-                                  "Brightness of the light, default 1, with --environment 0"},
+                                  "Brightness of the light, default 1, or 0 with --environment"},
     [SETTING_LIGHT_DISTANCE] = {"light-distance", "distance", SETTING_NUMBER,
                                 AT(settings.light_distance), 0.0, 10.0, "%.2f", "R",
                                 "Distance of the light from the middle of the shape, in radii of "
@@ -96,7 +96,7 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_AMBIENT] = {"ambient", "ambient", SETTING_NUMBER, AT(settings.ambient), 0.0, 1.0,
                          "%.2f", "SHARE",
                          "Light from all directions, as a share of the lamp's light, default 0.05, "
-                         "with --environment 0"},
+                         "or 0 with --environment"},
     [SETTING_EXPOSURE] =
         {"exposure", "exposure", SETTING_NUMBER, AT(settings.exposure_ev), -6.0, 6.0, "%+.2f EV",
          "EV", "Exposure in stops, default 0.7; at 0 a lit white diffuser is just below white"},

@@ -203,9 +203,10 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "--normal-map needs --method metal-ward or metal-ashikhmin"},
         {o->measured &&
              (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference),
-         "--measured needs --render OUT.png of one picture, and a session"},
+         "--measured needs a session and --render OUT.png, without --frames, --split, --difference "
+         "and --reference"},
         {o->live && (!session || !first || o->second != NULL),
-         "--live needs a session and --method eigenmaps"},
+         "--live needs a session and --method eigenmaps, without --split and --difference"},
         {s->plain && s->light_distance > 0.0,
          "--plain only has a light that is far away; leave out --light-distance"},
         {o->measured && s->light_distance > 0.0,
@@ -221,10 +222,12 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
          "and --mdf-views"},
         {o->index != NULL && (s->plain || o->live || o->measured || o->method->product == NULL ||
                               (o->second != NULL && o->second->product == NULL)),
-         "--index needs a MATERIAL, without --plain, --live and --measured"},
+         "--index needs a MATERIAL and methods that draw it, without --plain, --live and "
+         "--measured"},
         {s->endless && (s->plain || o->measured || o->index != NULL || o->method->product == NULL ||
                         (o->second != NULL && o->second->product == NULL)),
-         "--endless needs a MATERIAL, without --plain, --index and --measured"},
+         "--endless needs a MATERIAL and methods that draw it, without --plain, --index and "
+         "--measured"},
         {s->backdrop && o->environment == NULL, "--backdrop needs --environment"},
         {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at must be 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
@@ -247,8 +250,8 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         (o->second != NULL || o->reference || o->measured || o->live || o->sheet != 0))
         return refuse_options(
             error,
-            "--render %s: linear light can only be written for one method, not with --split, "
-            "--difference, --reference, --measured, --live or --sheet; choose a .png",
+            "--render %s: an EXR (linear light) cannot be written with --split, --difference, "
+            "--reference, --measured, --live or --sheet; give a .png",
             o->render);
     return TRUE;
 }

@@ -186,7 +186,8 @@ static void draw_state(struct window *w) {
     ui_text(name);
     ui_text(opening != NULL ? opening : state);
     if (w->live != NULL && w->live_maps == NULL)
-        ui_note("Waiting for the first picture; this is a demonstration.");
+        ui_note("Waiting for the first picture of the session; until then, a demonstration is "
+                "shown.");
     if (w->live != NULL && live_text(w->live) != NULL)
         ui_text(live_text(w->live));
 }

@@ -67,8 +67,8 @@ static const struct option options[] = {
     {"fault_slip_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, FIELD(fault_slip_deg),
      "Fault: angle by which the load slips on its shaft, counter-clockwise"},
     {"fault_slip_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_slip_at),
-     "Number of the movement in which it slips (taking up backlash counts as a movement); 0: "
-     "before the first"},
+     "Number of the movement in which the load slips by fault_slip_deg (taking up backlash counts "
+     "as a movement); 0: before the first"},
     {"fault_stall_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_stall_at),
      "Fault: the n-th movement stalls half way (taking up backlash counts as a movement); 0: no "
      "movement stalls"},

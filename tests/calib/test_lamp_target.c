@@ -59,7 +59,9 @@ TEST(mistakes) {
         {"[target]\nkind = poles\nplane_mm = 2\nplate_mm = 84\nplaces_mm = 1;2;8\n",
          {"[target] radius_mm: 0 mm is no radius of posts",
           ":4: [target] plate_mm: 1 numbers are given: give two, the size of"}},
-        {"[session]\nname = x\n", {"the file has no section [target]; see etc/demo/poles.conf"}},
+        {"[session]\nname = x\n",
+         {"the file has no section [target]; see poles.conf and balls.conf in "
+          "/usr/share/mesorig/demo"}},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         struct lamp_target target;

@@ -354,14 +354,15 @@ TEST(mistakes) {
         {"", "x:1: it is not a recording of version 1"},
         {"mesorig-recording 2\n", "x:1: it is not a recording of version 1"},
         {"mesorig-recording 1\n@2 = serial\n", "x:2: the buses must be numbered from @1 on"},
-        {"mesorig-recording 1\n12 @1 > 00\n", "x:2: a bus of the head (@1) or a [device]"},
+        {"mesorig-recording 1\n12 @1 > 00\n",
+         "x:2: a bus that the head lists, such as @1, or a [device]"},
         {"mesorig-recording 1\n@1 = serial\n1 @1 = 00\n", "x:3: “ > ”, “ < ” or “ - ” must"},
         {"mesorig-recording 1\n@1 = serial\n1 @1 > 0\n", "x:3: the message is neither a text"},
         {"mesorig-recording 1\n@1 = serial\n1 @1 > 00*99999999\n", "x:3: the message is neither"},
         {"mesorig-recording 1\n@1 = serial\n1 @1 > \"a\\q\"\n", "x:3: the message is neither"},
         {"mesorig-recording 1\n@1 = serial\n1 @1 > \"a\n", "x:3: the message is neither"},
         {"mesorig-recording 1\n1 [axis\n", "x:2: “]” and a text must follow the device"},
-        {"mesorig-recording 1\n1x\n", "x:2: a time in µs must begin it"},
+        {"mesorig-recording 1\n1x\n", "x:2: the line must begin with a time in µs"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         g_autoptr(GError) error = NULL;

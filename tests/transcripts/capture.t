@@ -21,17 +21,17 @@ A capture says what it has done, and the session what it is. Progress is no resu
   directions 4 views, 4 lights, 2 laser positions
   shots      13 of 13 done, 0 skipped
   files      26 of frames, 0 retakes, 248.3 kB
-  calibrated none: geometry and light are nominal (mesorig process -c FILE gives them)
+  calibrated none: geometry and light are nominal (mesorig process -c FILE gives one)
   
           0 s  info     calibration: none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)
           2 s  info     capture: homed
          25 s  info     capture: all shots are taken
   $ mesorig process S
-  calibration: none: geometry and light are nominal (mesorig process -c FILE gives them)
+  calibration: none: geometry and light are nominal (mesorig process -c FILE gives one)
   done in … s: BTF of 4 views × 4 lights, MDF of 4 views with 59.4 % of the texels measured and 0.78 % predicted by other views, eigen-maps with an error of 0.02 % at the measured directions (mesorig compress makes closer files)
   laser planes: nominal as in the rig file, because no laser is calibrated; no line was seen around the sample ([sample] flat_radius_mm and flat_hole_mm give the face on which it is looked for)
   $ mesorig process --json S
-  {"calibration": "none: geometry and light are nominal (mesorig process -c FILE gives them)", "views": 4, "lights": 4, "predicted_pictures": 0, "left_out_pictures": 0, "mdf_views": 4, "damaged_products": 0, "eigenmaps_error": 0.000, "mdf_coverage": 0.59375, "mdf_predicted": 0.007, "line_sweeps": 8, "lines_found": 0, "lines_disagree": 0, "lines_rms_deg": 0, "lines_worst_deg": 0, "line_width": 0, "line_scatter": 0, "real_s": …, "causes": []}
+  {"calibration": "none: geometry and light are nominal (mesorig process -c FILE gives one)", "views": 4, "lights": 4, "predicted_pictures": 0, "left_out_pictures": 0, "mdf_views": 4, "damaged_products": 0, "eigenmaps_error": 0.000, "mdf_coverage": 0.59375, "mdf_predicted": 0.007, "line_sweeps": 8, "lines_found": 0, "lines_disagree": 0, "lines_rms_deg": 0, "lines_worst_deg": 0, "line_width": 0, "line_scatter": 0, "real_s": …, "causes": []}
   $ mesorig info --json S | python3 -m json.tool --json-lines >/dev/null
 
 A control file that a killed daemon has left:
@@ -81,7 +81,7 @@ A BTF and an MDF are checked. Nothing is suspected of this session.
   directions   10.61 % RMS error of 1 view and 1 light, interpolated from the others
   flags        0 % of the values are holes, 0 % lower bounds (saturated), 0 % only from shorter exposures, 0 % not taken: predicted from the pictures of other lights
   error bars   not known: the noise of the session's cameras is not calibrated
-  surface      19.74 % of what a view sees is confirmed by others, 0.00 % refuted, 80.26 % hidden from all of them; 0.00 % of what other views say of it contradicts it
+  surface      19.74 % of what a view sees is confirmed by others, 0.00 % refuted, 80.26 % hidden from all of them; 0.00 % of all answers of other views contradict the view
   plot         energy.svg
   $ ls energy.svg
   energy.svg

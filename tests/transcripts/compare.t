@@ -49,15 +49,15 @@ Errors of compression at directions that it has not seen. The times, in the last
   mesorig: S: the session has pictures under 4 lights; to predict each from the others, at least 5 are needed; capture or import pictures under more lights
   [1]
   $ mesorig compare S --leave-out each -m hsh
-  mesorig compare: --leave-out=each needs no --method, --curve or --seed: it compares bases of the light
+  mesorig compare: --leave-out=each compares ways to predict a light, not methods of compression: leave out --method, --curve and --seed
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S --leave-out views=-1
-  mesorig compare: --leave-out: “views=-1” is not a number, such as 4, views=4 or lights=4, and not each
+  mesorig compare: --leave-out=views=-1: give a number, such as 4, views=4 or lights=4, or give each
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S --leave-out texels=1
-  mesorig compare: --leave-out: “texels=1” is not a number, such as 4, views=4 or lights=4, and not each
+  mesorig compare: --leave-out=texels=1: give a number, such as 4, views=4 or lights=4, or give each
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m wavelets

@@ -109,15 +109,15 @@ Places where nothing can be written:
 What does not go together:
 
   $ mesorig compress S -m ptm --memory 7kB
-  mesorig compress: --method=ptm has no --memory; leave it out, or choose from: lpca, eigenmaps
+  mesorig compress: --method=ptm has no option --memory: leave that option out, or choose a method that has it: lpca, eigenmaps
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m eigenmaps --mips -o other.exr
-  mesorig compress: --method=eigenmaps has no --mips; leave it out, or choose from: lpca, fields, * (glob)
+  mesorig compress: --method=eigenmaps has no option --mips: leave that option out, or choose a method that has it: lpca, fields, * (glob)
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m ward -k 2
-  mesorig compress: --method=ward has no --clusters; leave it out, or choose from: lpca
+  mesorig compress: --method=ward has no option --clusters: leave that option out, or choose a method that has it: lpca
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --memory little
@@ -149,7 +149,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --grid 8 -m ptm
-  mesorig compress: --method=ptm has no --grid; leave it out, or choose from: lpca
+  mesorig compress: --method=ptm has no option --grid: leave that option out, or choose a method that has it: lpca
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m wavelets

@@ -17,7 +17,7 @@ The files that ./run demo writes are a rig and a session that can be captured.
   directions      60 views, 60 lights, 26 laser positions; 3600 pictures of the BTF
   poses           743
   shots           1033, with 88600 camera frames
-  on disk         33.4 MB to 1.3 GB of frames, by how many shots of lamps and sweeps are needed and how much the cameras see of the laser's lines; products need additional space
+  on disk         33.4 MB to 1.3 GB of frames, depending on how many shots of lamps and sweeps are needed and how much the cameras see of the laser's lines; products need additional space
   predicted time  29 min … s, 9.4 % above the lower bound of 27 min 24 s
   if sufficient   5 min … s with only the first round of lamps and sweeps
   nested order    37 min … s, 1.26 times as long

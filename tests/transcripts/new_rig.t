@@ -117,7 +117,8 @@ A first rig file, from options or from answers.
   letter = X
   # CHECK: units of the board in a degree; 1 if it counts degrees
   units_per_deg = 1
-  # CHECK: here: no switch, where the axis stands is home_deg. With a switch: axis, or all for GRBL
+  # CHECK: “here” is for an axis without a switch: its present position becomes home_deg.
+  # With a switch: axis, or all for GRBL
   homing = here
   # CHECK: top speed and acceleration of the axis
   speed_deg_s = 20
@@ -202,10 +203,10 @@ A first rig file, from options or from answers.
   not found: a camera, for [camera cam]
   Correct what stands below CHECK and NOT FOUND in the file. Then check it:
     mesorig plan --offline led.conf SESSION.conf
-  Number of lamps, or a file with their positions (.lp) [64]: What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: “relays” has at most 64 lamps, not 65. Place further lamps in the section of a further bank
+  Number of lamps, or a file with their positions (.lp) [64]: What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: “relays” has at most 64 lamps, not 65. Choose another bank, or give fewer lamps and add the others to the rig file, in a further section [lamps NAME]
   What switches the lamps: relays, serial, artnet, sacn, wled or program [artnet]: Address of the WLED controller [192.168.1.50]:  (no-eol)
   $ mesorig new-rig --offline --bank serial:/dev/ttyACM0 --lamps 65 x.conf
-  mesorig new-rig: --lamps: “serial” has at most 64 lamps, not 65. Place further lamps in the section of a further bank
+  mesorig new-rig: --lamps: “serial” has at most 64 lamps, not 65. Choose another bank, or give fewer lamps and add the others to the rig file, in a further section [lamps NAME]
   Usage: mesorig new-rig FILE.conf
   [2]
   $ mesorig new-rig --offline --bank dmx:10.0.0.7 x.conf
@@ -213,7 +214,7 @@ A first rig file, from options or from answers.
   Usage: mesorig new-rig FILE.conf
   [2]
   $ mesorig new-rig --offline --axes tic:1 x.conf
-  mesorig new-rig: --axes: “tic” has no port, address or path
+  mesorig new-rig: --axes: “tic” has no port, address or path: leave out “:” and the rest
   Usage: mesorig new-rig FILE.conf
   [2]
   $ mesorig new-rig --offline --kind cube x.conf

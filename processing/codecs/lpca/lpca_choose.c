@@ -85,12 +85,13 @@ static struct lpca *not_reached(const struct choosing *choosing, GError **error)
         g_format_size((guint64)(target->bytes > 0 ? target->bytes : raw_bytes(choosing->btf)));
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached within %s%s: the smallest error is %.3g %%, "
-                "with %d %s of %d %s, which take %s; allow a larger error, because the values of "
-                "the BTF contain the noise of the capture",
-                100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
+                "with %d %s of %d %s in %s; allow a larger error%s. Noise of the capture cannot be "
+                "compressed",
+                100 * target->error, limit, target->bytes > 0 ? "" : ", the size of the BTF",
                 100 * nearest->error, nearest->n_clusters,
                 nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
-                nearest->n_components == 1 ? "component" : "components", size);
+                nearest->n_components == 1 ? "component" : "components", size,
+                target->bytes > 0 ? " or a larger size" : "");
     return NULL;
 }
 

@@ -173,9 +173,10 @@ static struct lpca *compute(const struct lpca_codec_options *asked, const struct
     if (ok && !reached)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "an error of %.3g %% is not reached: it is %.3g %% before and %.3g %% after "
-                    "rounding%s; use a finer --quantise%s, or more clusters",
+                    "%srounding; use a finer --quantise%s, or more clusters",
                     100 * asked->error, 100 * ret->exact_error, 100 * ret->error,
-                    asked->grid ? " to the grid" : "", asked->grid ? ", a larger --grid" : "");
+                    asked->grid ? "resampling to the grid and " : "",
+                    asked->grid ? ", a larger --grid" : "");
     return lpca;
 }
 

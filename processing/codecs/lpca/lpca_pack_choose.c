@@ -225,14 +225,16 @@ static struct lpca *find(struct search *search, GError **error) {
         if (target->error > 0 && !isfinite(search->nearest)) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "an error of %.3g %% is not reached: %d components give %.3g %% even "
-                        "without rounding; allow more components or a larger error",
+                        "without rounding; allow a larger error, or more components if "
+                        "--components limits them",
                         100 * target->error, n, 100 * left);
             return NULL;
         }
         if (target->error > 0) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "an error of %.3g %% is not reached: %d components give %.3g %% without "
-                        "rounding and %.3g %% with it; allow more components or a larger error",
+                        "rounding and %.3g %% with it; allow a larger error, or more components if "
+                        "--components limits them",
                         100 * target->error, n, 100 * left, 100 * search->nearest);
             return NULL;
         }

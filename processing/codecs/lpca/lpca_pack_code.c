@@ -22,9 +22,9 @@ static gint32 unfolded(guint32 value) {
     return value % 2 ? (gint32)(-(gint64)(value / 2) - 1) : (gint32)(value / 2);
 }
 
-/* Returns an xz stream of the numbers of folded(). For each number it has one byte, which is at
- * most LARGE. After these bytes it has, for each number ≥ LARGE, the number minus LARGE in
- * LARGE_BYTES bytes. */
+/* Returns the numbers of folded() as bytes that xz has compressed. For each number there is one
+ * byte: the number, or LARGE if the number is larger. After these bytes there are, for each number
+ * ≥ LARGE, the number minus LARGE in LARGE_BYTES bytes. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     g_autoptr(GByteArray) plain = g_byte_array_new();
     for (gsize i = 0; i < n; i++) {

@@ -233,9 +233,10 @@ static struct mdf_factors *search(const struct factoring *f, int most, double ta
         if (n < most)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g mm is not reached: with %d %s of distances it is %.3g mm; "
-                    "allow a larger error or more maps",
-                    target_mm, PLURAL(n, "map"), factors->error_mm);
+                    "an error of %.3g texels is not reached: with %d %s of distances it is %.3g; "
+                    "allow a larger error, or more maps if --components limits them",
+                    target_mm / factors->texel_mm, PLURAL(n, "map"),
+                    factors->error_mm / factors->texel_mm);
         return NULL;
     }
 }

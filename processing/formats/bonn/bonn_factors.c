@@ -97,7 +97,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
                          "lights; copy the file again",
                          ret->n_rows, ret->n_columns, header->width, header->height,
                          header->n_views, header->n_lights);
-    return bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
+    return bonn_skip(bytes, ret->n_components * scalar, "list of singular values", error) &&
            take_factor(bytes, "matrix U", ret->n_rows, ret->n_components, scalar, &ret->u, error) &&
            take_factor(bytes, "matrix SV", ret->n_columns, ret->n_components, scalar, &ret->sv,
                        error);

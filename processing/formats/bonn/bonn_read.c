@@ -82,7 +82,8 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     if (compression == 1)
         return bonn_fail(
             bytes, BONN_ERROR_UNSUPPORTED, error,
-            "the file is compressed by bzip2, which is not supported; give a full or sparse file");
+            "the file is compressed by bzip2, which is not supported; give the BTF in a file "
+            "without bzip2");
     if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                          "compression %d with %u lines per chunk is not valid; copy the file again",

@@ -6,7 +6,7 @@
 
 #define MAX_BYTES ((gsize)512 << 20)
 
-#define AGAIN "; process the session again"
+#define AGAIN "; delete the file and process again, or import again"
 
 /* Fails with the name of the part. `of` is "view" or "light". */
 static gboolean fail_direction(const char *path, const struct exr_part *part, const char *of,

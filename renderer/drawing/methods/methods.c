@@ -78,8 +78,8 @@ static gboolean refuse_kind(const char *path, GError **error) {
     if (kind == NULL || method_find(kind) != NULL)
         return FALSE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "%s is of the kind “%s”, for which there is no drawing method; compress the "
-                "material with another --method",
+                "%s is of the kind “%s”, for which there is no drawing method; give the directory "
+                "of a session, or a file that “mesorig compress” made",
                 path, kind);
     return TRUE;
 }

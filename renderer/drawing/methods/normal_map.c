@@ -79,8 +79,12 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
     if (!input_file_check_pixels(reading->path, png_get_image_width(png, info),
                                  png_get_image_height(png, info), reading->length, &reading->why))
         return FALSE;
-    if (!(png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR))
-        png_error(png, "the PNG is grey, but a normal map has three colours; choose another file");
+    if (!(png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR)) {
+        g_set_error(&reading->why, INPUT_FILE_ERROR, INPUT_FILE_ERROR_KIND,
+                    "%s: the PNG is grey, but a normal map has three colours; choose another file",
+                    reading->path);
+        return FALSE;
+    }
     png_set_expand(png);
     png_set_strip_alpha(png);
     const int passes = png_set_interlace_handling(png);
@@ -90,8 +94,12 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
     reading->bytes = png_get_bit_depth(png, info) / 8;
     const gsize row = png_get_rowbytes(png, info);
     reading->rows = g_try_malloc0_n((gsize)reading->height, row);
-    if (reading->rows == NULL)
-        png_error(png, "there is not enough memory for the pixels; make the normal map smaller");
+    if (reading->rows == NULL) {
+        g_set_error(&reading->why, INPUT_FILE_ERROR, INPUT_FILE_ERROR_TOO_LARGE,
+                    "%s: there is not enough memory for the pixels; make the normal map smaller",
+                    reading->path);
+        return FALSE;
+    }
     for (int pass = 0; pass < passes; pass++)
         for (int j = 0; j < reading->height; j++)
             png_read_row(png, reading->rows + row * (gsize)j, NULL);

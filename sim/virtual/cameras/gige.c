@@ -106,11 +106,9 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
         open = open_sockets(camera);
     }
     if (!open || !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
-        g_set_error(
-            error, G_IO_ERROR, g_io_error_from_errno(errno),
-            "virtual camera %s: no %s can be opened at %s: %s; close other programs, or give "
-            "another address",
-            options->serial, open ? "pipe" : "sockets", camera->address, g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual camera %s: no %s can be opened at %s: %s; close other programs",
+                    options->serial, open ? "pipe" : "sockets", camera->address, g_strerror(errno));
         virtual_gige_free(camera);
         return NULL;
     }

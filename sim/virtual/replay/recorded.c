@@ -101,7 +101,8 @@ static gboolean read_body(const Recorded *in, struct recorded_line *line, const 
     char *end;
     const guint64 bus = *at == '@' ? g_ascii_strtoull(at + 1, &end, 10) : 0;
     if (bus < 1 || bus > in->kinds->len)
-        return refuse(in, line->number, error, "a bus of the head (@1) or a [device] must follow");
+        return refuse(in, line->number, error,
+                      "a bus that the head lists, such as @1, or a [device] must follow the time");
     if (end[0] != ' ' || !end[1] || !strchr("><-", end[1]) || (end[2] && end[2] != ' '))
         return refuse(in, line->number, error, "“ > ”, “ < ” or “ - ” must follow the bus");
     line->bus = (int)bus;
@@ -119,8 +120,9 @@ static gboolean read_line(Recorded *in, int number, const char *text, GError **e
     line->number = number;
     g_ptr_array_add(in->lines, line);
     line->at_us = (gint64)MIN(g_ascii_strtoull(text, &end, 10), MAX_TIME_US);
-    return (end > text && *end == ' ') ? read_body(in, line, end + 1, error)
-                                       : refuse(in, number, error, "a time in µs must begin it");
+    return (end > text && *end == ' ')
+               ? read_body(in, line, end + 1, error)
+               : refuse(in, number, error, "the line must begin with a time in µs");
 }
 
 /* Reads a line "@1 = serial" of the head. */

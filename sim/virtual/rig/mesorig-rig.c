@@ -243,7 +243,7 @@ int main(int argc, char **argv) {
     if (json && !out_path)
         return program_usage(
             &command_line,
-            "--json prints the devices of a rig file that is written; also give -o FILE");
+            "--json prints the devices of the rig file that -o writes; also give -o FILE");
     if (usb || u3v)
         testbed_enter(again);
     return virtual_rig_main_run();

@@ -99,8 +99,9 @@ static int next_port(const VirtualRig *rig, const struct config_section *section
 }
 
 /* Sets *ret_deg to the homing position. An axis with limits homes at a switch below min_deg. An
- * endless axis homes where it stands. Returns FALSE with an error if the section has position
- * errors, or if an axis with limits has a home_deg that is not below min_deg. */
+ * endless axis homes where it stands, and does not use *ret_deg. Returns FALSE with an error if
+ * position_error_deg is not 0, or if an axis with limits has a home_deg that is not below
+ * min_deg. */
 static gboolean find_switch(const struct config_section *section, double *ret_deg, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     double min_deg = rig_number(section, sim, "min_deg");

@@ -295,7 +295,8 @@ static gboolean check_mesh(const struct config_section *section,
                               options->path);
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "kind",
                           "the sample extends from %g mm to %g mm above the turntable, but must "
-                          "be between 0 and top_mm = %g; change base_mm, relief_mm or top_mm",
+                          "be between 0 and top_mm = %g; change top_mm, base_mm or relief_mm (obj: "
+                          "the mesh; poles and balls: places_mm; plate: tilt_deg)",
                           low, high, options->top_mm);
 }
 

@@ -132,9 +132,9 @@ TEST(snap) {
     desk_does(&desk, 0, "snap cam30 --lamp lamp30 -e 500000 --json");
     g_assert_cmpfloat(number(&desk, "saturated_pct"), >, 40);
     desk_does(&desk, 0, "snap cam30");
-    assert_has(desk.run->out, "no lamp was on: --lamp NAME");
+    assert_has(desk.run->out, "the picture is dark: --lamp NAME");
     desk_does(&desk, 0, "snap cam30 --lamp lamp30");
-    g_assert_null(strstr(desk.run->out, "no lamp was on"));
+    g_assert_null(strstr(desk.run->out, "the picture is dark"));
     assert_has(desk.run->out, "cam30  32 × 32 pixels of 12 bits (rggb), exposed for 10000 µs");
     desk_waits(&desk, "\"lamps\", \"bank\", \"sim-lamps\", \"off\"");
     desk_does(&desk, 1, "snap nobody");

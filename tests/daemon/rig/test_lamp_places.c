@@ -271,7 +271,7 @@ struct bad {
 static const struct bad bad_keys[] = {
     {"count = 1025\ndistance_mm = 9\n", 1, "count: 1025 is out of range: 0 to 1024"},
     {"count = 0\ndistance_mm = 9\n", 1, "count: is 0; give 1 to 1024 lamps"},
-    {"count = 9\n", 0, "distance_mm: must be given, as 1 to 100000 mm"},
+    {"count = 9\n", 0, "distance_mm: must be given, and must be from 1 to 100000 mm"},
     {"rings = 9:2\ndistance_mm = 0.5\n", 2, "distance_mm: must be given"},
     {"count = 9\ndistance_mm = 9\nrings = 9:2\n", 3, "rings: says where the lamps are, as count"},
     {"count = 9\ndistance_mm = 9\ntheta_from_deg = 80\n", 3,
@@ -295,7 +295,7 @@ static const struct bad bad_keys[] = {
      3, "a lamp with the name dome_02 is already in line 5"},
     {"count = 3\ndistance_mm = 9\n[lamp d]\nbank = dome\nindex = 1\ntheta_deg = 0\n"
      "distance_mm = 3\n",
-     5, "index: lamp 1 of dome is [lamp dome_02] already, in line 5"},
+     5, "index: lamp 1 of dome is already used for the lamp dome_02, in line 5"},
 };
 
 static char *refused(const char *keys) {

@@ -99,7 +99,8 @@ static void exposed_longer_than_said(struct eye *eye, gconstpointer unused) {
     virtual_gige_fail(eye->device, &slow);
     g_assert_cmpint(eye_shoot(eye, 4), ==, CAMERA_FAULT);
     eye_assert_said(eye, DEVICE_ERROR_PROTOCOL,
-                    "ms after it had begun to send; increase trigger_ms");
+                    "ms after the end that trigger_ms and the exposure time give; increase "
+                    "trigger_ms");
     virtual_gige_fail(eye->device, &faults);
     eye_recover(eye, 4);
 }

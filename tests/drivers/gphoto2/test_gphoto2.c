@@ -257,7 +257,10 @@ static const struct fault open_faults[] = {
     {"deaf", {.deaf = TRUE}, 0, "cannot be opened"},
     {"unplugged", {.unplugged = TRUE}, 0, "cannot be opened"},
     {"battery", {.battery = 3}, 0, "the battery of the camera is at 3 %; charge it"},
-    {"full", {.full = TRUE}, 0, "the card of the camera is full; copy its pictures and format it"},
+    {"full",
+     {.full = TRUE},
+     0,
+     "the card of the camera is full; copy the pictures and format the card"},
 };
 
 static void run_open_fault(gconstpointer data) {

@@ -312,8 +312,8 @@ TEST(saturated) {
         begin(&bench, folder);
         g_autofree char *session = capture_session(&bench, "bright.session", FALSE);
         run_check_whole(session);
-        g_assert_cmpint(strstr(bench.told->str, "it is taken again at 4000 µs") != NULL, ==,
-                        cases[i].has_quarter);
+        g_assert_cmpint(strstr(bench.told->str, "the picture is taken again at 4000 µs") != NULL,
+                        ==, cases[i].has_quarter);
         end(&bench);
     }
 }

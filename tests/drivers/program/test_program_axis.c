@@ -113,7 +113,7 @@ static const struct fault {
     {"refuses", DEVICE_ERROR_PROTOCOL, "refused “move”: the fuse has?blown"},
     {"stalls", DEVICE_ERROR_STALLED, "it stands at 2.000° instead of 30.000°"},
     {"lies", DEVICE_ERROR_STALLED, "it stands at 31.000° instead of 30.000°"},
-    {"no-number", DEVICE_ERROR_PROTOCOL, "did not answer the number “deg”"},
+    {"no-number", DEVICE_ERROR_PROTOCOL, "sent an answer without the number “deg”"},
     {"far", DEVICE_ERROR_PROTOCOL, "answered deg = 1e+300, which is out of range"},
     {"no-switch", DEVICE_ERROR_STALLED, "homing ended at "},
 };

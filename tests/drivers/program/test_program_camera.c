@@ -139,7 +139,7 @@ static const struct fault {
     {"repeats", CAMERA_REFUSED, DEVICE_ERROR_STALE, "it is an old frame"},
     {"same", CAMERA_REFUSED, DEVICE_ERROR_STALE, "it repeats the frame of shot 1 bit for bit"},
     {"cut-off", CAMERA_REFUSED, DEVICE_ERROR_PROTOCOL, "some of its data was lost"},
-    {"unnumbered", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "did not answer the number “id”"},
+    {"unnumbered", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "sent an answer without the number “id”"},
     {"wider", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "a picture of 9 × 6 pixels, not of 8 × 6"},
     {"too-bright", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "value 4096, which has more than 12 bits"},
     {"colour", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "is not a PGM file"},
@@ -243,7 +243,8 @@ static const struct fault open_faults[] = {
     {"dies-at-start", 0, DEVICE_ERROR_DISCONNECTED, "has ended with exit code 1"},
     {"too-many-bits", 0, DEVICE_ERROR_PROTOCOL, "answered bits = 17, which is out of range"},
     {"new-filter", 0, DEVICE_ERROR_PROTOCOL, "answered cfa = “rgbg”, which is not mono, rggb"},
-    {"no-times", 0, DEVICE_ERROR_PROTOCOL, "did not answer “exposures_us” as an array of numbers"},
+    {"no-times", 0, DEVICE_ERROR_PROTOCOL,
+     "sent an answer in which “exposures_us” is not an array of numbers"},
     {"odd-times", 0, DEVICE_ERROR_PROTOCOL, "a value of “exposures_us” that is not a whole number"},
     {"cut", 0, DEVICE_ERROR_TIMEOUT, "has not started within 1 s"},
 };

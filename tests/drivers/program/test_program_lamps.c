@@ -138,7 +138,7 @@ static const struct fault {
     {"closes-output", DEVICE_ERROR_DISCONNECTED, "was ended by signal 9"},
     {"refuses", DEVICE_ERROR_PROTOCOL, "refused “set”: the fuse has?blown"},
     {"lies", DEVICE_ERROR_PROTOCOL, "lamp 0 was switched on, but"},
-    {"short", DEVICE_ERROR_PROTOCOL, "did not answer “on” as an array of 4 values"},
+    {"short", DEVICE_ERROR_PROTOCOL, "sent an answer in which “on” is not an array of 4 values"},
 };
 
 static void run_fault(gconstpointer data) {
