@@ -224,7 +224,7 @@ static void test_hostile(struct fixture *fixture, gconstpointer data) {
         g_assert_true(g_file_set_contents(fixture->path, good, -1, NULL));
         g_assert_cmpint(g_chmod(fixture->path, 0600), ==, 0);
         g_assert_cmpint(chown(fixture->path, 65534, 65534), ==, 0);
-        assert_refused(fixture, "which belongs to user 65534");
+        assert_refused(fixture, "it belongs to user 65534");
     }
     /* Not a file of its own. */
     g_assert_true(g_file_set_contents(outside, good, -1, NULL));
