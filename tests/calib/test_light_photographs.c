@@ -280,8 +280,9 @@ TEST(contradictions) {
     paint(scene, &three[2], &(struct lamp){polar(80, 140), FALSE, 4, 20}, 1, 0.01);
     save(scene, "three.png");
     g_autofree char *none = calibrate(1, three, 3, FALSE);
-    assert_said(none, "three.png: the balls contradict each other: the direction in which ball 2 shows the "
-                      "lamp is 90.");
+    assert_said(
+        none, "three.png: the balls contradict each other: the direction in which ball 2 shows the "
+              "lamp is 90.");
     assert_said(none, "no majority of them agrees");
 }
 

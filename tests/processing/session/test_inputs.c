@@ -44,8 +44,8 @@ TEST(bad) {
         const char *const *channels;
         const char *cfa, *what;
     } bad[] = {{grey, NULL, "a.exr: "},
-               {grey, "rgb", "a.exr: part radiance lacks channel R;"},
-               {red, "mono", "a.exr: part radiance lacks channel Y;"}};
+               {grey, "rgb", "a.exr: part radiance lacks channel R, although"},
+               {red, "mono", "a.exr: part radiance lacks channel Y, although"}};
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
         g_autoptr(ExrPart) part = new_part(bad[i].channels, bad[i].cfa);
