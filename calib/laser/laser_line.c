@@ -187,8 +187,9 @@ static float strength_of(const float rgb[3], int colour) {
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance) {
     for (gsize i = 0; i < n; i++) {
-        const float *lit = rgb + 3 * i, *unlit = dark ? dark + 3 * i : NULL;
+        const float *lit = rgb + 3 * i;
         if (dark) { /* the difference contains only the laser, so that all colours can be used */
+            const float *unlit = dark + 3 * i;
             ret[i] = MAX(lit[0] - unlit[0], MAX(lit[1] - unlit[1], lit[2] - unlit[2]));
             ret_reflectance[i] = strength_of(unlit, -1);
         } else {

@@ -5,16 +5,15 @@
 
 #include "base/options.h"
 
-static gboolean has_output(const char *output, GError **error) {
+static gboolean has_output(const char *output, const char *missing, GError **error) {
     if (output == NULL)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "no file to write is given: give -o FILE");
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT, missing);
     return output != NULL;
 }
 
 OutputFile *exchange_output(const char *output, const struct exchange_format *format,
                             GError **error) {
-    if (!has_output(output, error))
+    if (!has_output(output, "no file to write is given: give -o FILE", error))
         return NULL;
     g_autofree char *lower = g_ascii_strdown(output, -1);
     if (format->end == NULL || g_str_has_suffix(lower, format->end))
@@ -26,10 +25,8 @@ OutputFile *exchange_output(const char *output, const struct exchange_format *fo
 }
 
 gboolean exchange_check_folder(const char *output, GError **error) {
-    if (output == NULL)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "no folder to make is given: give -o DIR");
-    return output != NULL && cli_check_folder(output, error);
+    return has_output(output, "no folder to make is given: give -o DIR", error) &&
+           cli_check_folder(output, error);
 }
 
 gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,

@@ -343,12 +343,12 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
         return SAFE_TRY_NEVER;
     }
     repair(job, quick, &repaired);
-    const char *done = is_axis(job) ? "stands" : "off";
     lock_steal_found();
     const gboolean safe = secure_section(job, repaired.text->str, &error);
     const pid_t other = lock_steal_found();
     note_other(safe ? other : 0, is_axis(job), repaired.notes);
     const char *notes = repaired.notes->str;
+    const char *confirmed = job->info->confirmed ? job->info->confirmed : "read back";
     if (!safe)
         set_text(ret_text, job, "NOT safe: %s%s%s%s%s", error->message, *notes ? "; " : "", notes,
                  repaired.doubts->len ? "; " : "", repaired.doubts->str);
@@ -356,13 +356,11 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
         set_text(ret_text, job,
                  "NOT safe: the device that its section names %s, %s, but it may be another "
                  "device: %s%s%s",
-                 is_axis(job) ? "stands" : "is off",
-                 job->info->confirmed ? job->info->confirmed : "read back", repaired.doubts->str,
+                 is_axis(job) ? "stands" : "is off", confirmed, repaired.doubts->str,
                  *notes ? "; " : "", notes);
     else
-        set_text(ret_text, job, "%s, %s%s%s", done,
-                 job->info->confirmed ? job->info->confirmed : "read back", *notes ? "; " : "",
-                 notes);
+        set_text(ret_text, job, "%s, %s%s%s", is_axis(job) ? "stands" : "off", confirmed,
+                 *notes ? "; " : "", notes);
     if (safe)
         result = repaired.doubts->len ? SAFE_TRY_NEVER : SAFE_TRY_SAFE;
     else if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_BUSY) && other != 0 &&

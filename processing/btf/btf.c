@@ -7,8 +7,6 @@
 
 #include "base/data_error.h"
 
-#define AGAIN "; delete the file and process again, or import again"
-
 /* For each flag, the attribute that counts the texels with this flag. */
 static const struct {
     const char *name;
@@ -73,12 +71,13 @@ static gboolean copy_picture(const struct exr_part *part, const struct session_g
     const gsize texels = (gsize)grid->width * (gsize)grid->height;
     if (part->width != grid->width || part->height != grid->height)
         return data_error_fail(
-            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
-            part->name, part->width, part->height, grid->width, grid->height);
+            path, 0, error,
+            "part %s has %d × %d texels, but the session's grid has %d × %d" BTF_AGAIN, part->name,
+            part->width, part->height, grid->width, grid->height);
     for (gsize c = 0; c < 3; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
         if (!plane)
-            return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+            return data_error_fail(path, 0, error, "part %s lacks channel %s" BTF_AGAIN, part->name,
                                    channels[c]);
         for (gsize i = 0; i < texels; i++)
             ret_rgb[3 * i + c] = plane[i];
@@ -117,7 +116,7 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
     for (int i = 0; i < n_lights; i++) {
         g_autofree char *name = g_strdup_printf("light_%04d", lights[i]);
         if (g_hash_table_contains(wanted, name))
-            return data_error_fail(path, 0, error, "part %s is missing" AGAIN, name);
+            return data_error_fail(path, 0, error, "part %s is missing" BTF_AGAIN, name);
     }
     return TRUE;
 }

@@ -32,6 +32,9 @@ enum btf_flag {
  * because they can be predicted (pipeline/prediction_product.h) do not count as missing here. */
 #define BTF_MAX_MISSING 0.1
 
+/* end of an error that says that the file of a view is damaged */
+#define BTF_AGAIN "; delete the file and process again, or import again"
+
 struct btf_light {
     int index; /* position in the session's list of lights, from 0 */
     double theta_deg, phi_deg;

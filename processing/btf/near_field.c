@@ -10,7 +10,6 @@
 #include "btf_matrix_private.h"
 
 #define DEGREE       (G_PI / 180)
-#define AGAIN        "; delete the file and process again, or import again"
 #define MAX_EXPONENT 1000
 
 void near_field_free(struct near_field *near_field) {
@@ -37,14 +36,14 @@ static gboolean take_position(const struct near_field *near_field, const struct 
     if (!exr_get_v3d(part, name, at, NULL))
         return data_error_fail(path, 0, error,
                                "part %s lacks the position %s, which other parts of the BTF "
-                               "have" AGAIN,
+                               "have" BTF_AGAIN,
                                part->name, name);
     if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
         !isfinite(at[2]))
         return data_error_fail(
             path, 0, error,
             "in part %s the position %s is (%g, %g, %g) mm, but must be finite and "
-            "above the reference plane at z = %g mm" AGAIN,
+            "above the reference plane at z = %g mm" BTF_AGAIN,
             part->name, name, at[0], at[1], at[2], near_field->grid.reference_mm);
     *ret = vec3(at[0], at[1], at[2]);
     return TRUE;
@@ -60,7 +59,7 @@ static gboolean take_aim(const struct exr_part *part, const char *path, struct v
         if (!(length > 0) || !isfinite(length))
             return data_error_fail(path, 0, error,
                                    "in part %s light.aim is (%g, %g, %g), which is not a "
-                                   "direction" AGAIN,
+                                   "direction" BTF_AGAIN,
                                    part->name, aim[0], aim[1], aim[2]);
         *ret_aim = vec3_scale(vec3(aim[0], aim[1], aim[2]), 1 / length);
     }
@@ -68,8 +67,8 @@ static gboolean take_aim(const struct exr_part *part, const char *path, struct v
         *ret_exponent = 0;
     return (*ret_exponent >= 0 && *ret_exponent <= MAX_EXPONENT) ||
            data_error_fail(path, 0, error,
-                           "in part %s light.exponent is %g, but must be 0 to %d" AGAIN, part->name,
-                           *ret_exponent, MAX_EXPONENT);
+                           "in part %s light.exponent is %g, but must be 0 to %d" BTF_AGAIN,
+                           part->name, *ret_exponent, MAX_EXPONENT);
 }
 
 /* Takes the directions and positions of a view and of its lamps from the headers of its file. The
@@ -78,7 +77,8 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
                           const char *path, GError **error) {
     if (file->parts->len != to->lights.n)
         return data_error_fail(
-            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
+            path, 0, error,
+            "the file has %u lights, but the file of the first view has %zu" BTF_AGAIN,
             file->parts->len, to->lights.n);
     struct vec3 first = {0}, off = {0};
     for (gsize light = 0; light < to->lights.n; light++) {
@@ -89,12 +89,12 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
             !btf_direction(part, "light", &theta, &phi))
             return data_error_fail(path, 0, error,
                                    "in part %s an angle theta_deg or phi_deg of view or light is "
-                                   "missing or not a finite number" AGAIN,
+                                   "missing or not a finite number" BTF_AGAIN,
                                    part->name);
         if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
             return data_error_fail(path, 0, error,
                                    "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° "
-                                   "in the first view" AGAIN,
+                                   "in the first view" BTF_AGAIN,
                                    part->name, (double)theta, (double)phi,
                                    (double)to->lights.theta_deg[light],
                                    (double)to->lights.phi_deg[light]);
@@ -102,7 +102,7 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
             (!to->lamp_mm && has(part, "light.position_mm")))
             return data_error_fail(path, 0, error,
                                    "part %s has the position of camera or lamp, which the first "
-                                   "part of the BTF lacks" AGAIN,
+                                   "part of the BTF lacks" BTF_AGAIN,
                                    part->name);
         struct vec3 camera;
         if (to->lamp_mm &&

@@ -12,8 +12,6 @@
 
 #define COLOURS 3
 
-#define AGAIN "; delete the file and process again, or import again"
-
 static const char *const channels[] = {"R", "G", "B"};
 
 /* The properties that all views of a session's BTF share. */
@@ -28,7 +26,7 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
            data_error_fail(path, 0, error,
                            "in part %s the attribute %s.theta_deg or %s.phi_deg is missing or not "
-                           "a finite number" AGAIN,
+                           "a finite number" BTF_AGAIN,
                            part->name, of, of);
 }
 
@@ -44,7 +42,7 @@ static gboolean read_directions(struct source *source, GError **error) {
         g_autoptr(ExrFile) file = exr_read_headers(path, error);
         ok = file &&
              (file->parts->len > 0 ||
-              data_error_fail(path, 0, error, "the file of this view has no pictures" AGAIN)) &&
+              data_error_fail(path, 0, error, "the file of this view has no pictures" BTF_AGAIN)) &&
              direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
                        &header->view_phi_deg[v], error);
         if (ok && v == 0) {
@@ -93,11 +91,12 @@ static gboolean check_picture(const struct source *source, const struct exr_part
     float theta, phi;
     if (part->width != header->width || part->height != header->height)
         return data_error_fail(
-            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
-            part->name, part->width, part->height, header->width, header->height);
+            path, 0, error,
+            "part %s has %d × %d texels, but the session's grid has %d × %d" BTF_AGAIN, part->name,
+            part->width, part->height, header->width, header->height);
     for (gsize c = 0; c < COLOURS; c++)
         if (!exr_part_plane(part, channels[c]))
-            return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+            return data_error_fail(path, 0, error, "part %s lacks channel %s" BTF_AGAIN, part->name,
                                    channels[c]);
     if (!direction(part, "light", path, &theta, &phi, error))
         return FALSE;
@@ -105,7 +104,7 @@ static gboolean check_picture(const struct source *source, const struct exr_part
         return data_error_fail(
             path, 0, error,
             "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first "
-            "view" AGAIN,
+            "view" BTF_AGAIN,
             part->name, (double)theta, (double)phi, (double)header->light_theta_deg[light],
             (double)header->light_phi_deg[light]);
     return TRUE;
@@ -145,7 +144,8 @@ static gboolean read_view(const struct source *source, const char *path, const s
         return FALSE;
     if (exr_reader_parts(reader) != header->n_lights)
         return data_error_fail(
-            path, 0, error, "the file has %d lights, but the file of the first view has %d" AGAIN,
+            path, 0, error,
+            "the file has %d lights, but the file of the first view has %d" BTF_AGAIN,
             exr_reader_parts(reader), header->n_lights);
     for (int light = 0; light < header->n_lights; light += PICTURES) {
         g_autoptr(ExrFile) file = exr_reader_next(reader, PICTURES, n_threads, error);

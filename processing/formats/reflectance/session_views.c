@@ -6,14 +6,12 @@
 
 #define MAX_BYTES ((gsize)512 << 20)
 
-#define AGAIN "; delete the file and process again, or import again"
-
 /* Fails with the name of the part. `of` is "view" or "light". */
 static gboolean fail_direction(const char *path, const struct exr_part *part, const char *of,
                                GError **error) {
     return data_error_fail(path, 0, error,
                            "in part %s the attribute %s.theta_deg or %s.phi_deg is missing or not "
-                           "a finite number" AGAIN,
+                           "a finite number" BTF_AGAIN,
                            part->name, of, of);
 }
 
@@ -31,7 +29,8 @@ static gboolean directions(struct session_view_files *files, GError **error) {
         if (!file)
             return FALSE;
         if (file->parts->len == 0)
-            return data_error_fail(path, 0, error, "the file of this view has no pictures" AGAIN);
+            return data_error_fail(path, 0, error,
+                                   "the file of this view has no pictures" BTF_AGAIN);
         if (v == 0)
             files->lights = direction_list_new(file->parts->len);
         if (!direction(file->parts->pdata[0], "view", path, &files->views, v, error))
@@ -64,20 +63,23 @@ static gboolean picture(const struct session_view_files *files, const struct exr
     float theta, phi;
     if (part->width != files->grid.width || part->height != files->grid.height)
         return data_error_fail(
-            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
-            part->name, part->width, part->height, files->grid.width, files->grid.height);
+            path, 0, error,
+            "part %s has %d × %d texels, but the session's grid has %d × %d" BTF_AGAIN, part->name,
+            part->width, part->height, files->grid.width, files->grid.height);
     if (!btf_direction(part, "light", &theta, &phi))
         return fail_direction(path, part, "light", error);
     if (theta != files->lights.theta_deg[light] || phi != files->lights.phi_deg[light])
-        return data_error_fail(
-            path, 0, error,
-            "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first view" AGAIN,
-            part->name, (double)theta, (double)phi, (double)files->lights.theta_deg[light],
-            (double)files->lights.phi_deg[light]);
+        return data_error_fail(path, 0, error,
+                               "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in "
+                               "the first view" BTF_AGAIN,
+                               part->name, (double)theta, (double)phi,
+                               (double)files->lights.theta_deg[light],
+                               (double)files->lights.phi_deg[light]);
     const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                     exr_part_plane(part, "B"), exr_part_plane(part, "mark")};
     if (!planes[0] || !planes[1] || !planes[2])
-        return data_error_fail(path, 0, error, "part %s lacks channel R, G or B" AGAIN, part->name);
+        return data_error_fail(path, 0, error, "part %s lacks channel R, G or B" BTF_AGAIN,
+                               part->name);
     return func(view, light, planes, data, error);
 }
 
@@ -91,7 +93,8 @@ gboolean session_view_files_read(const struct session_view_files *files, int vie
         return FALSE;
     if (file->parts->len != files->lights.n)
         return data_error_fail(
-            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
+            path, 0, error,
+            "the file has %u lights, but the file of the first view has %zu" BTF_AGAIN,
             file->parts->len, files->lights.n);
     for (guint light = 0; light < file->parts->len; light++) {
         const struct exr_part *part = file->parts->pdata[light];

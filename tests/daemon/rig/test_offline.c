@@ -116,6 +116,9 @@ TEST(absent_devices) {
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING); /* its steps_per_deg */
 }
 
+#define BOARD                                                                                      \
+    "driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"           \
+    "accel_deg_s2=1\nwraps=yes\n"
 /* What motion = continuous needs is known without the devices: of the boards that speak G-code only
  * those with GRBL report positions, and only GigE cameras have the times of their frames. */
 TEST(continuous) {
@@ -123,18 +126,10 @@ TEST(continuous) {
         const char *table, *camera;
         gboolean reports, stamps;
     } cases[] = {
-        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
-         "accel_deg_s2=1\nwraps=yes\n",
-         "driver=aravis\ndevice=x\n", TRUE, TRUE},
-        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
-         "accel_deg_s2=1\nwraps=yes\ndialect=marlin\n",
-         "driver=v4l2-camera\n", FALSE, FALSE},
-        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
-         "accel_deg_s2=1\nwraps=yes\ndialect=klipper\n",
-         "driver=gphoto2-camera\nport=usb\n", FALSE, FALSE},
-        {"driver=gcode-axis\nport=p\nunits_per_deg=1\nletter=X\nhoming=here\nspeed_deg_s=1\n"
-         "accel_deg_s2=1\nwraps=yes\ndialect=grbl\n",
-         "driver=program-camera\nprogram=/bin/true\n", TRUE, FALSE},
+        {BOARD, "driver=aravis\ndevice=x\n", TRUE, TRUE},
+        {BOARD "dialect=marlin\n", "driver=v4l2-camera\n", FALSE, FALSE},
+        {BOARD "dialect=klipper\n", "driver=gphoto2-camera\nport=usb\n", FALSE, FALSE},
+        {BOARD "dialect=grbl\n", "driver=program-camera\nprogram=/bin/true\n", TRUE, FALSE},
     };
     TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
