@@ -25,8 +25,8 @@ int drive_angle(struct drive *drive, double angle_rad);
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from the result of
  * fit_solve() (EM, Dempster, Laird and Rubin 1977).
  *
- * `sigma` has one value for each parameter: the standard deviation of the parameter's prior, whose
- * mean is 0. The priors that `fit` has are not used. The function writes the estimated sigma_rad
+ * Each parameter has a prior with the mean 0. `sigma` has the standard deviations of these priors.
+ * The priors that `fit` has are not used. The function writes the estimated sigma_rad
  * into the drives, and into the elements of `sigma` that belong to the drives. x has the
  * parameters, like `parameters` of fit_solve(). ret and the return value are as for fit_solve(). */
 gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,

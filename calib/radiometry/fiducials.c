@@ -28,8 +28,8 @@
  * (WINDOW³ − 1) · 2/3 if the brightness varies in the window as it does in the ring. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* largest distance from the expected position, in radii */
-/* Bounds of a lamp's relative output. If the output is not within the bounds, the fiducial is in
- * shadow, or something else was taken for the fiducial. */
+/* Bounds of the relative output of a lamp, as a fiducial shows it. If the output is outside, the
+ * fiducial is in shadow, or something else was taken for the fiducial. */
 #define MIN_OUTPUT 0.2
 #define MAX_OUTPUT 5
 

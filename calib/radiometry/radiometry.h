@@ -38,7 +38,7 @@ struct radiometry_camera {
      * standard error of `glare`. If the glare is not known, `glare` is 0, and glare_error is 0 or
      * the *ret_error of glare_fit(). */
     double glare, glare_error;
-    /* relative RMS of the part of the tile's residuals that noise does not explain */
+    /* The tile has residuals that noise does not explain. This is their relative RMS. */
     double excess;
     /* number of cells of the tile that were used */
     int cells;

@@ -27,9 +27,9 @@ static gboolean progress(int done, int n, gpointer data, GError **error) {
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Computes x, y in pixels of the board's four outer corners in a frame. corners has the corners
- * that were found, or is NULL if the board was not seen. Returns the number of corners, or 0 if
- * there are fewer than 4 or they fit no homography. */
+/* Computes where the four outer corners of the board are in a frame: x and y in pixels. corners has
+ * the corners that were found, or is NULL if the board was not seen. Returns the number of corners.
+ * Returns 0 if there are fewer than 4, or if they fit no homography. */
 static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];

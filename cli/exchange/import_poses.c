@@ -32,7 +32,7 @@ static const GOptionEntry entries[] = {
      "What sweeps show: a line, or an edge behind which pixels are darker or lighter (line)",
      "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
-     "Minimum height of a sweep's peak above the background, in DN of 0 to 4095 (40)", "DN"},
+     "Minimum height of the peaks of a sweep above the background, in DN of 0 to 4095 (40)", "DN"},
     {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
      "Lamps whose directions differ by at most this angle are one light (0)", "DEG"},
     {"target", 0, 0, G_OPTION_ARG_NONE, &target,

@@ -18,9 +18,9 @@
  * within another late_ms. A request may therefore be carried out twice, so only write values that
  * may be written twice (absolute targets, coils).
  *
- * If the answer to an earlier request arrives late, the device is alive but slow. The attempt
- * during or after which it arrives does not count as one of the request's "retries". The request is
- * then repeated, until the deadline of the job at most.
+ * If the answer to an earlier request arrives late, the device is alive but slow. The attempt in
+ * which the line sees this answer is not counted as one of the "retries". The request is repeated,
+ * but not after the deadline of the job.
  *
  * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
  * unit and the address.

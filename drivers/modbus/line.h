@@ -15,9 +15,9 @@ void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
 /* Connects if the line is not connected. With MODBUS_ONCE, makes one attempt at once. Otherwise
  * repeats the attempt until deadline_us (time of g_get_monotonic_time()). The pauses between the
- * attempts grow from 50 ms to 1 s. A pause that would end after deadline_us does not begin, and the
- * function fails at once. The error is DEVICE_ERROR_BUSY if another program uses a serial line,
- * otherwise DEVICE_ERROR_DISCONNECTED. */
+ * attempts grow from 50 ms to 1 s. If the next pause would end after deadline_us, the function
+ * fails at once. If the line is serial and another program uses it, the error is DEVICE_ERROR_BUSY.
+ * Otherwise it is DEVICE_ERROR_DISCONNECTED. */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 
 /* Makes one request, with retries, resynchronisation and, if request->verify is TRUE, read-back.

@@ -60,8 +60,8 @@ static float green_at(const struct picture *picture, int x, int y) {
  * pixel relative to the centre. The green light of the object point that this pixel sees arrives at
  * X (1 + c_green) / (1 + c_own), with c = larger[] of struct demosaic_lateral. Green is
  * interpolated there by a parabola along the row and one along the column. Each parabola goes
- * through three values of green. The first is the value at the pixel of this colour that is nearest
- * to the place. The other two are the values at the green pixels beside that pixel. */
+ * through three values of green. The middle one is at the nearest pixel that has the colour of this
+ * pixel. The other two are at the green pixels on both sides of the middle one. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];

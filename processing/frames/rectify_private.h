@@ -74,8 +74,9 @@ static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plan
  * measured and estimated values are summed separately. g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
 
-/* Returns n_texels × 3 variances, one for each texel and colour. The variance is that of the
- * logarithm of the colour's ratio to green, from pixel to pixel. g_free() */
+/* Returns n_texels × 3 variances, one for each texel and colour; g_free(). For each pixel, take the
+ * logarithm of colour divided by green. The result is the variance of this logarithm between
+ * pixels. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
 /* Copies a mosaic to padded rows (height × stride). Values that are not finite become 0; returns

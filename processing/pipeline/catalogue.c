@@ -254,8 +254,8 @@ GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kin
     return sum;
 }
 
-/* Begins a hash of a view's inputs. It contains the inputs that all views share, and the view
- * itself. */
+/* Begins the hash of the inputs of a view. So far the hash contains the inputs that all views
+ * share, and the direction of this view. */
 static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
                                 const struct session_direction *view) {
     GChecksum *sum = catalogue_checksum(catalogue, kind);

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* distance in mm from the middle of the laser's line at which sheet_bend_mm is given */
+/* sheet_bend_mm is the bend of the light sheet at this distance from the middle of the line */
 #define BEND_AT_MM 36.0
 
 struct world_options {

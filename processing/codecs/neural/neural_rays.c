@@ -16,7 +16,7 @@
 #define STEP           0.25F  /* minimum step of the scan, in texels: half a cell */
 #define SIDE_BY_SIDE   4      /* number of vectors of rays whose intervals are halved together */
 #define KEYS           64     /* number of keys by which samples are sorted (make_queries()) */
-#define KEYS_PER_TEXEL 2      /* number of keys for each texel of a path's length in the plane */
+#define KEYS_PER_TEXEL 2      /* keys for each texel that a path crosses in the plane */
 
 G_STATIC_ASSERT(LANES % NEURAL_RAYS == 0);
 
